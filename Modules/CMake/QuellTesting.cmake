@@ -1,0 +1,27 @@
+# quell_add_module_tests(<module folder> LABEL <label> LINK <targets...> SOURCES <files...>)
+#   One GoogleTest program per module, build/bin/quell<Folder>Tests; every test becomes a ctest test
+#   quell::<folder>/<Suite>.<Name> with the label. QUELL_SOURCE_DIR and QUELL_SHARED_DATA (the neighbouring shared/data,
+#   which may not exist: skip then) are defined.
+include(GoogleTest)
+function (quell_add_module_tests folder)
+  cmake_parse_arguments(arg "" "LABEL;TIMEOUT" "LINK;SOURCES" ${ARGN})
+  if (NOT arg_SOURCES)
+    message(WARNING "module ${folder} has no tests")
+    return ()
+  endif ()
+  set(target "quell${folder}Tests")
+  add_executable(${target} ${arg_SOURCES})
+  target_link_libraries(${target} PRIVATE ${arg_LINK} GTest::gtest GTest::gtest_main)
+  target_compile_options(${target} PRIVATE ${quell_compile_options})
+  target_compile_definitions(${target} PRIVATE
+    QUELL_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    QUELL_SHARED_DATA="${PROJECT_SOURCE_DIR}/../shared/data")
+  if (NOT arg_TIMEOUT)
+    set(arg_TIMEOUT 120)
+  endif ()
+  if (QUELL_SANITIZER)
+    math(EXPR arg_TIMEOUT "${arg_TIMEOUT} * 10")
+  endif ()
+  gtest_discover_tests(${target} TEST_PREFIX "quell::${folder}/" DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS "${arg_LABEL}" TIMEOUT ${arg_TIMEOUT})
+endfunction ()

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellImageFile_h
+#define quellImageFile_h
+
+#include "quellFrameFacts.h"
+#include "quellImageView.h"
+#include "quellStageDescription.h"
+#include "vtkQuellIOModule.h"
+#include "vtkSmartPointer.h"
+#include "vtkQuellStage.h"
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+class vtkImageData;
+
+/// Image files as images with named arrays. OpenEXR (several layers and parts, scanlines or tiles, half, float and
+/// integer channels), Radiance HDR, PNG, JPEG, TIFF, BMP, Targa, PNM/PFM. Rows are flipped here and nowhere else: row 0 of
+/// an image is its bottom row, of a file its top row. Which channel is which array: Documentation/aov.md.
+/// Every failure is a StageError with the file's name, the cause and what to do about it.
+namespace quell
+{
+/// One array of a file.
+struct FileArray
+{
+  std::string Name;
+  ArrayKind Kind = ArrayKind::Any;
+  std::vector<std::string> Channels;  ///< the file's channel names, one per component
+  std::string Type;                   ///< "half", "float", "uint", "uint8" ...
+};
+
+/// How integer pixels of formats other than EXR become linear values.
+enum class FileTransfer
+{
+  Automatic,  ///< integers are sRGB-encoded, floats are linear
+  Linear,
+  Srgb
+};
+
+/// What a header says, and after reading what happened.
+struct ReadReport
+{
+  std::string Format;                           ///< "openexr", "png", ...
+  int Width = 0, Height = 0;                    ///< of the whole frame, the display window
+  Rect DataWindow;                              ///< pixels the file holds, row 0 at the bottom; may reach outside
+  std::vector<FileArray> Arrays;
+  FrameFacts Facts;
+  std::map<std::string, std::string> Metadata;  ///< entries under `quell:`, without that prefix
+  std::map<std::string, std::string> Attributes;///< all other attributes, as text
+  std::vector<std::string> Warnings;
+};
+
+struct ReadOptions
+{
+  ArraySet Arrays;                              ///< empty: all
+  Rect Region;                                  ///< empty: the whole frame
+  std::string PlainArray = "radiance";          ///< the array that plain R G B (or Y) channels make
+  FileTransfer Transfer = FileTransfer::Automatic;
+  std::int64_t MaximumBytes = std::int64_t(4) << 30;  ///< of the arrays to be made; more is refused
+};
+
+/// The arrays of a file, without reading pixels.
+VTKQUELLIO_EXPORT ReadReport ReadImageHeader(const std::string& path, const ReadOptions& options = {});
+
+/// Reads the asked arrays over the asked region (extent = region, in frame coordinates). Pixels outside the file's data
+/// window get the array's background. Frame facts are in the field data.
+VTKQUELLIO_EXPORT vtkSmartPointer<vtkImageData> ReadImageFile(
+  const std::string& path, ReadReport* report = nullptr, const ReadOptions& options = {});
+
+/// One array to be written.
+struct LayerSpec
+{
+  std::string Array;
+  std::string Layer;                  ///< EXR layer; empty: the standard one, the first colour being plain R G B
+  ArrayKind Kind = ArrayKind::Any;    ///< Any: from the array's name, else from its components
+  vtkImageData* Image = nullptr;      ///< nullptr: the function's image
+};
+
+enum class FileCompression
+{
+  None,
+  Rle,
+  Zips,
+  Zip,
+  Piz,
+  Pxr24,
+  Dwaa,
+  Dwab
+};
+
+struct WriteOptions
+{
+  std::map<std::string, std::string> Metadata;  ///< string attributes under `quell:`
+  int Width = 0, Height = 0;                    ///< display window; 0: from row 0 and column 0 to the image's end
+  Rect Region;                                  ///< data window; empty: the image's extent
+  FileCompression Compression = FileCompression::Zip;
+  bool Half = false;                            ///< colours and scalars as half; ids, depth, position, motion stay float
+};
+
+struct WriteReport
+{
+  std::int64_t Clamped = 0;    ///< finite values beyond 65504 that were clamped for half
+  std::int64_t NonFinite = 0;  ///< non-finite values written as 0 into an 8-bit file
+  std::vector<std::string> Warnings;
+};
+
+/// Writes `layers` (empty: every array, radiance first) in one file: under a temporary name in the same directory, then
+/// renamed, so that a reader sees the old file or the whole new one. Creates directories. Formats other than EXR hold one
+/// colour and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr and .pfm: linear.
+VTKQUELLIO_EXPORT void WriteImageFile(const std::string& path, vtkImageData* image,
+  const std::vector<LayerSpec>& layers = {}, const WriteOptions& options = {}, WriteReport* report = nullptr);
+
+/// Replaces the last run of `#` in the file name by the tick, padded with zeros to at least that many digits.
+VTKQUELLIO_EXPORT std::string SequencePath(const std::string& pattern, int tick);
+}
+
+#endif

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellPipelineDocument_h
+#define quellPipelineDocument_h
+
+#include "quellDiagnostic.h"
+#include "vtkQuellPipelineModule.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace quell
+{
+/// An attribute's value exactly as written, `$(name)` unexpanded. Given is false when the attribute is missing.
+struct PipelineText
+{
+  std::string Value;
+  SourceLocation Place;
+  bool Given = false;
+
+  PipelineText() = default;
+  PipelineText(const std::string& value) : Value(value), Given(true) {}
+  PipelineText(const char* value) : Value(value), Given(true) {}
+};
+
+/// What every element of the file has.
+struct PipelineItem
+{
+  SourceLocation Place;
+  std::vector<std::string> Comments;          ///< before the element
+  std::vector<std::string> TrailingComments;  ///< before its end tag
+};
+
+/// <variable> and a template's <parameter>.
+struct PipelineVariable : PipelineItem
+{
+  PipelineText Name, Type, Default, Doc;
+};
+
+/// <property> and an instance's <parameter>.
+struct PipelineProperty : PipelineItem
+{
+  PipelineText Name, Value;
+};
+
+/// <input port= from= [delay=] [attributes of the stage's own]>
+struct PipelineInput : PipelineItem
+{
+  struct Attribute
+  {
+    std::string Name;
+    PipelineText Value;
+  };
+  PipelineText Port, From, Delay;
+  std::vector<Attribute> Attributes;
+};
+
+/// <node> or <instance>; for an instance Type is the template's name and Properties are its parameters.
+struct PipelineNode : PipelineItem
+{
+  bool IsInstance = false;
+  PipelineText Id, Type, Doc;
+  std::vector<PipelineProperty> Properties;
+  std::vector<PipelineInput> Inputs;
+};
+
+/// <port> of a template; with From it is an output.
+struct PipelinePort : PipelineItem
+{
+  PipelineText Name, Type, From, Doc;
+};
+
+struct PipelineTemplate : PipelineItem
+{
+  PipelineText Name, Doc;
+  std::vector<PipelineVariable> Parameters;
+  std::vector<PipelinePort> Inputs, Outputs;
+  std::vector<PipelineNode> Nodes;
+};
+
+/// <layer from= name=> of an output.
+struct PipelineLayer : PipelineItem
+{
+  PipelineText From, Name;
+};
+
+struct PipelineOutput : PipelineItem
+{
+  PipelineText Name, From, File, View, Display, Doc;
+  std::vector<PipelineLayer> Layers;
+};
+
+struct PipelineDocument;
+
+struct PipelineInclude : PipelineItem
+{
+  PipelineText File;
+  std::shared_ptr<const PipelineDocument> Content;  ///< null: could not be read, or included before
+};
+
+struct PipelineTime : PipelineItem
+{
+  bool Given = false;
+  PipelineText First, Count, Rate;
+};
+
+/// A pipeline file as written, before variables and templates are expanded. Equality ignores places and contents of
+/// included files: two documents are equal when they write the same file.
+struct VTKQUELLPIPELINE_EXPORT PipelineDocument : PipelineItem
+{
+  std::string File;       ///< as given; messages say it
+  std::string Directory;  ///< of File; "" is the working directory
+  PipelineText Version, Doc;
+  std::vector<PipelineInclude> Includes;
+  std::vector<PipelineVariable> Variables;
+  PipelineTime Time;
+  std::vector<PipelineTemplate> Templates;
+  std::vector<PipelineNode> Nodes;
+  std::vector<PipelineOutput> Outputs;
+
+  bool operator==(const PipelineDocument& other) const;
+  bool operator!=(const PipelineDocument& other) const { return !(*this == other); }
+};
+}
+
+#endif

@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellSceneFiles.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <new>
+
+namespace quell
+{
+namespace detail
+{
+std::string Message(
+  const std::string& file, const std::string& where, const std::string& what, const std::string& remedy)
+{
+  std::string text = file + ": ";
+  if (!where.empty())
+    text += where + ": ";
+  text += what;
+  if (!remedy.empty())
+    text += "; " + remedy;
+  return text;
+}
+
+void Fail(const std::string& file, const std::string& where, const std::string& what, const std::string& remedy)
+{
+  throw SceneError(Message(file, where, what, remedy));
+}
+
+void Warn(Scene& scene, const std::string& where, const std::string& what, const std::string& remedy)
+{
+  std::string text = Message(scene.File, where, what, remedy);
+  if (std::find(scene.Warnings.begin(), scene.Warnings.end(), text) == scene.Warnings.end())
+    scene.Warnings.push_back(std::move(text));
+}
+
+void ContentHash::Add(const void* data, std::size_t size) noexcept
+{
+  const auto* p = static_cast<const unsigned char*>(data);
+  for (std::size_t i = 0; i < size; ++i)
+    this->State = (this->State ^ p[i]) * 1099511628211ull;
+}
+
+std::string ContentHash::Hexadecimal() const
+{
+  std::string text(16, '0');
+  for (int i = 0; i < 16; ++i)
+    text[i] = "0123456789abcdef"[(this->State >> (60 - 4 * i)) & 15];
+  return text;
+}
+
+bool ReadFile(const std::string& file, Bytes& content, std::string& reason)
+{
+  std::error_code error;
+  const auto status = std::filesystem::status(std::filesystem::u8path(file), error);
+  if (!std::filesystem::exists(status))
+    return reason = "the file does not exist", false;
+  if (!std::filesystem::is_regular_file(status))
+    return reason = "this is not a regular file", false;
+  std::ifstream in(file, std::ios::binary | std::ios::ate);
+  const std::streamoff size = in ? std::streamoff(in.tellg()) : -1;
+  if (size < 0)
+    return reason = "the file cannot be opened", false;
+  content.resize(std::size_t(size));
+  in.seekg(0);
+  if (size > 0 && !in.read(reinterpret_cast<char*>(content.data()), size))
+    return reason = "the file cannot be read to its end", false;
+  return true;
+}
+
+std::string Beside(const std::string& file, const std::string& name)
+{
+  const std::filesystem::path path(name);
+  return path.is_absolute() ? name : (std::filesystem::path(file).parent_path() / path).string();
+}
+
+bool IsDataUri(const std::string& uri)
+{
+  return uri.compare(0, 5, "data:") == 0;
+}
+
+bool IsRemoteUri(const std::string& uri)
+{
+  const std::size_t colon = uri.find("://");
+  return colon != std::string::npos && colon > 0 &&
+    std::all_of(uri.begin(), uri.begin() + std::ptrdiff_t(colon),
+      [](unsigned char c) { return std::isalnum(c) || c == '+' || c == '-' || c == '.'; });
+}
+
+static int HexDigit(char c)
+{
+  return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
+
+std::string DecodePercent(const std::string& text)
+{
+  std::string out;
+  out.reserve(text.size());
+  for (std::size_t i = 0; i < text.size(); ++i)
+  {
+    if (text[i] == '%' && text.size() - i > 2 && HexDigit(text[i + 1]) >= 0 && HexDigit(text[i + 2]) >= 0)
+    {
+      out += char(HexDigit(text[i + 1]) * 16 + HexDigit(text[i + 2]));
+      i += 2;
+    }
+    else
+      out += text[i];
+  }
+  return out;
+}
+
+static bool DecodeBase64(const char* text, std::size_t size, Bytes& content, std::string& reason)
+{
+  content.clear();
+  content.reserve(size / 4 * 3);
+  std::uint32_t bits = 0;
+  int count = 0;
+  std::size_t i = 0;
+  for (; i < size && text[i] != '='; ++i)
+  {
+    const char c = text[i];
+    const int v = c >= 'A' && c <= 'Z' ? c - 'A'
+      : c >= 'a' && c <= 'z'           ? c - 'a' + 26
+      : c >= '0' && c <= '9'           ? c - '0' + 52
+      : c == '+' || c == '-'           ? 62
+      : c == '/' || c == '_'           ? 63
+                                       : -1;
+    if (v < 0)
+      return reason = "invalid base64 character at offset " + std::to_string(i), false;
+    bits = (bits << 6) | std::uint32_t(v);
+    if (++count == 4)
+    {
+      content.push_back(std::uint8_t(bits >> 16));
+      content.push_back(std::uint8_t(bits >> 8));
+      content.push_back(std::uint8_t(bits));
+      bits = 0;
+      count = 0;
+    }
+  }
+  for (; i < size; ++i)
+    if (text[i] != '=')
+      return reason = "base64 data goes on after its padding", false;
+  if (count == 1)
+    return reason = "the base64 data is cut off", false;
+  if (count == 2)
+    content.push_back(std::uint8_t(bits >> 4));
+  if (count == 3)
+  {
+    content.push_back(std::uint8_t(bits >> 10));
+    content.push_back(std::uint8_t(bits >> 2));
+  }
+  return true;
+}
+
+bool DecodeDataUri(const std::string& uri, Bytes& content, std::string& reason)
+{
+  const std::size_t comma = uri.find(',');
+  if (!IsDataUri(uri) || comma == std::string::npos)
+    return reason = "the data URI has no ','", false;
+  const std::string type = uri.substr(5, comma - 5);
+  if (type.size() >= 7 && type.compare(type.size() - 7, 7, ";base64") == 0)
+    return DecodeBase64(uri.data() + comma + 1, uri.size() - comma - 1, content, reason);
+  const std::string plain = DecodePercent(uri.substr(comma + 1));
+  content.assign(plain.begin(), plain.end());
+  return true;
+}
+
+// Any channel count to RGBA: grey is replicated, missing alpha is 1.
+template <class T>
+static std::vector<T> ToRgba(const std::vector<T>& in, std::size_t pixels, int channels, T one)
+{
+  std::vector<T> out(pixels * 4);
+  for (std::size_t i = 0; i < pixels; ++i)
+  {
+    const T* p = in.data() + i * std::size_t(channels);
+    T* q = out.data() + i * 4;
+    q[0] = p[0];
+    q[1] = channels >= 3 ? p[1] : p[0];
+    q[2] = channels >= 3 ? p[2] : p[0];
+    q[3] = channels == 2 ? p[1] : channels >= 4 ? p[3] : one;
+  }
+  return out;
+}
+
+static bool ReadOpened(OIIO::ImageInput& input, Texture& texture, std::string& reason)
+{
+  const OIIO::ImageSpec spec = input.spec();
+  if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.nchannels > 64 || spec.deep || spec.depth > 1)
+    return reason = "the image has no usable pixels", false;
+  const std::uint64_t pixels = std::uint64_t(spec.width) * std::uint64_t(spec.height);
+  if (pixels > MaximumImagePixels)
+    return reason = "the image has more than 2^28 pixels", false;
+  const int channels = std::min(spec.nchannels, 4);
+  const bool bytes = spec.format.basetype == OIIO::TypeDesc::UINT8;
+  std::vector<std::uint8_t> b(bytes ? pixels * std::size_t(channels) : 0);
+  std::vector<float> f(bytes ? 0 : pixels * std::size_t(channels));
+  const bool ok = bytes ? input.read_image(0, 0, 0, channels, OIIO::TypeDesc::UINT8, b.data())
+                        : input.read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, f.data());
+  if (!ok)
+    return reason = "decoding fails: " + input.geterror(), false;
+  texture.Width = spec.width;
+  texture.Height = spec.height;
+  texture.Bytes = bytes ? ToRgba<std::uint8_t>(b, pixels, channels, 255) : std::vector<std::uint8_t>();
+  texture.Floats = bytes ? std::vector<float>() : ToRgba<float>(f, pixels, channels, 1.f);
+  return true;
+}
+
+static OIIO::ImageSpec OpenConfiguration()
+{
+  OIIO::ImageSpec config;
+  config.attribute("oiio:UnassociatedAlpha", 1);  // glTF and MTL colours are not multiplied by alpha
+  return config;
+}
+
+bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
+{
+  static const unsigned char png[] = { 0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n' };
+  static const unsigned char jpeg[] = { 0xff, 0xd8, 0xff };
+  const bool isPng = content.size() >= sizeof png && std::memcmp(content.data(), png, sizeof png) == 0;
+  const bool isJpeg = content.size() >= sizeof jpeg && std::memcmp(content.data(), jpeg, sizeof jpeg) == 0;
+  if (!isPng && !isJpeg)
+    return reason = "this is neither PNG nor JPEG, the two formats that glTF allows", false;
+  try
+  {
+    OIIO::Filesystem::IOMemReader memory(
+      const_cast<void*>(static_cast<const void*>(content.data())), content.size());
+    const OIIO::ImageSpec config = OpenConfiguration();
+    auto input = OIIO::ImageInput::open(isPng ? "memory.png" : "memory.jpg", &config, &memory);
+    if (!input)
+      return reason = "decoding fails: " + OIIO::geterror(), false;
+    return ReadOpened(*input, texture, reason);
+  }
+  catch (const std::exception& e)
+  {
+    return reason = std::string("decoding fails: ") + e.what(), false;
+  }
+}
+
+bool LoadImage(const std::string& file, Texture& texture, std::string& reason)
+{
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error))
+    return reason = "the file does not exist", false;
+  try
+  {
+    const OIIO::ImageSpec config = OpenConfiguration();
+    auto input = OIIO::ImageInput::open(file, &config);
+    if (!input)
+      return reason = "it cannot be opened: " + OIIO::geterror(), false;
+    return ReadOpened(*input, texture, reason);
+  }
+  catch (const std::exception& e)
+  {
+    return reason = std::string("decoding fails: ") + e.what(), false;
+  }
+}
+
+bool LoadSky(const std::string& file, Texture& texture, std::size_t& repaired, std::string& reason)
+{
+  if (!LoadImage(file, texture, reason))
+    return false;
+  repaired = 0;
+  for (float& v : texture.Floats)
+    if (!(v >= 0) || !std::isfinite(v))
+    {
+      v = 0;
+      ++repaired;
+    }
+  texture.Name = file;
+  texture.SRGB = texture.Floats.empty();  // an 8-bit panorama is a picture for displays
+  texture.WrapS = Wrap::Repeat;
+  texture.WrapT = Wrap::Clamp;
+  return true;
+}
+
+static void FillNormals(Mesh& mesh, std::size_t& replaced)
+{
+  std::vector<char> bad(mesh.Normals.size());
+  replaced = 0;
+  for (std::size_t i = 0; i < mesh.Normals.size(); ++i)
+  {
+    const Vec3d n(mesh.Normals[i]);
+    const double l2 = Dot(n, n);
+    bad[i] = !(l2 > 1e-12) || !std::isfinite(l2);
+    replaced += bad[i];
+  }
+  if (replaced == 0)
+    return;
+  std::vector<Vec3d> sums(mesh.Normals.size());
+  for (std::size_t t = 0; t + 2 < mesh.Indices.size(); t += 3)
+  {
+    const std::uint32_t* v = &mesh.Indices[t];
+    const Vec3d a(mesh.Positions[v[0]]), b(mesh.Positions[v[1]]), c(mesh.Positions[v[2]]);
+    const Vec3d n = Cross(b - a, c - a);
+    for (int k = 0; k < 3; ++k)
+      if (bad[v[k]])
+        sums[v[k]] += n;
+  }
+  for (std::size_t i = 0; i < bad.size(); ++i)
+    if (bad[i])
+    {
+      const Vec3d n = Normalized(sums[i]);
+      mesh.Normals[i] = Dot(n, n) > 0 ? Vec3f(n) : Vec3f(0, 1, 0);  // only degenerate triangles use the latter
+    }
+}
+
+template <class T>
+static void Compact(std::vector<T>& values, const std::vector<std::uint32_t>& kept)
+{
+  if (values.empty())
+    return;
+  std::vector<T> out(kept.size());
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    out[i] = values[kept[i]];
+  values.swap(out);
+}
+
+void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where)
+{
+  std::size_t dropped = 0, write = 0;
+  for (std::size_t t = 0; t + 2 < mesh.Indices.size(); t += 3)
+  {
+    const std::uint32_t v[3] = { mesh.Indices[t], mesh.Indices[t + 1], mesh.Indices[t + 2] };
+    if (IsFinite(mesh.Positions[v[0]]) && IsFinite(mesh.Positions[v[1]]) && IsFinite(mesh.Positions[v[2]]))
+    {
+      for (int k = 0; k < 3; ++k)
+        mesh.Indices[write++] = v[k];
+    }
+    else
+      ++dropped;
+  }
+  mesh.Indices.resize(write);
+  const bool stray = std::any_of(
+    mesh.Positions.begin(), mesh.Positions.end(), [](const Vec3f& p) { return !IsFinite(p); });
+  if (stray)
+  {
+    constexpr std::uint32_t unused = 0xffffffffu;
+    std::vector<std::uint32_t> to(mesh.Positions.size(), unused), kept;
+    for (std::uint32_t& v : mesh.Indices)
+    {
+      if (to[v] == unused)
+      {
+        to[v] = std::uint32_t(kept.size());
+        kept.push_back(v);
+      }
+      v = to[v];
+    }
+    Compact(mesh.Positions, kept);
+    Compact(mesh.Normals, kept);
+    Compact(mesh.Tangents, kept);
+    Compact(mesh.TexCoords[0], kept);
+    Compact(mesh.TexCoords[1], kept);
+    Compact(mesh.Colors, kept);
+  }
+  const std::string who = where + (mesh.Name.empty() ? "" : " \"" + mesh.Name + "\"");
+  if (dropped > 0)
+    Warn(scene, who, std::to_string(dropped) + " triangle(s) with a position that is not finite were dropped",
+      "repair the mesh in the program that made it");
+  std::size_t replaced = 0;
+  FillNormals(mesh, replaced);
+  if (replaced > 0)
+    Warn(scene, who, std::to_string(replaced) + " normal(s) of no length or not finite were replaced by those of the faces",
+      "re-export the mesh with normals");
+  std::size_t colors = 0;
+  for (Vec4f& c : mesh.Colors)
+    for (float* p : { &c.x, &c.y, &c.z, &c.w })
+      if (!(*p >= 0) || !std::isfinite(*p))
+      {
+        *p = 0;
+        ++colors;
+      }
+  if (colors > 0)
+    Warn(scene, who, std::to_string(colors) + " vertex colour value(s) negative or not finite became 0", "");
+}
+}
+}

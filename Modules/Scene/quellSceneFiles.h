@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellSceneFiles_h
+#define quellSceneFiles_h
+
+#include "quellScene.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+// Private to the module: files, URIs, images and the wording of errors, shared by the readers.
+namespace quell
+{
+namespace detail
+{
+using Bytes = std::vector<std::uint8_t>;
+
+/// Images of more pixels are refused before they are decoded: a file of 700 bytes can ask for 16 GB.
+constexpr std::uint64_t MaximumImagePixels = std::uint64_t(1) << 28;
+
+/// "file: where: what; remedy". `where` may be empty.
+std::string Message(
+  const std::string& file, const std::string& where, const std::string& what, const std::string& remedy);
+[[noreturn]] void Fail(
+  const std::string& file, const std::string& where, const std::string& what, const std::string& remedy);
+/// Adds a warning once, however often it comes.
+void Warn(Scene& scene, const std::string& where, const std::string& what, const std::string& remedy);
+
+/// FNV-1a, 64 bit.
+class ContentHash
+{
+public:
+  void Add(const void* data, std::size_t size) noexcept;
+  std::string Hexadecimal() const;
+
+private:
+  std::uint64_t State = 14695981039346656037ull;
+};
+
+/// Whole content of a regular file; false with a reason otherwise.
+bool ReadFile(const std::string& file, Bytes& content, std::string& reason);
+/// `name` beside `file`, or `name` itself when it is absolute.
+std::string Beside(const std::string& file, const std::string& name);
+
+bool IsDataUri(const std::string& uri);
+/// Payload of "data:[type][;base64],..."; false with a reason where it is malformed.
+bool DecodeDataUri(const std::string& uri, Bytes& content, std::string& reason);
+/// %20 and the like; a '%' that no two hexadecimal digits follow stays as it is.
+std::string DecodePercent(const std::string& text);
+/// True for "http://..." and other schemes that are not files.
+bool IsRemoteUri(const std::string& uri);
+
+/// Decodes a PNG or JPEG (told by its first bytes) from memory into RGBA: 8 bit as Bytes, 16 bit as Floats. Colour is
+/// not multiplied by alpha. False with a reason otherwise.
+bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason);
+/// The same for a file of any format that OpenImageIO reads.
+bool LoadImage(const std::string& file, Texture& texture, std::string& reason);
+
+/// Latitude-longitude image -> `texture` in the orientation of quell::Environment; non-finite and negative pixels
+/// become 0 and are counted.
+bool LoadSky(const std::string& file, Texture& texture, std::size_t& repaired, std::string& reason);
+
+void ReadGltf(Scene& scene, const Bytes& content, ContentHash& hash);
+void ReadObj(Scene& scene, const Bytes& content, ContentHash& hash);
+
+/// Removes triangles that touch a non-finite position and the vertices that nothing uses any more; replaces unusable
+/// normals by those of the surrounding triangles. Warns with the counts.
+void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where);
+}
+}
+
+#endif

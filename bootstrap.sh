@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# From a bare Debian 12 to a running Quell: installs what is missing, configures, builds, then does what you ask.
+#   ./bootstrap.sh run FILE.xml [options]   path-trace, filter and write what the pipeline says (quell run)
+#   ./bootstrap.sh test [ctest options]     build everything and run the whole test suite
+#   ./bootstrap.sh build                    build everything
+set -euo pipefail
+top=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+build=${QUELL_BUILD_DIR:-$top/build}
+
+packages=(g++ cmake ninja-build ccache
+  libvtk9-dev libembree-dev libopenimageio-dev libopencolorio-dev libtbb-dev libhwy-dev libexpat1-dev
+  libtinygltf-dev libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev)
+
+say() { printf 'bootstrap: %s\n' "$*" >&2; }
+usage() { sed -n '3,5s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
+
+install_missing() {
+  local missing=() p
+  for p in "${packages[@]}"; do
+    [ "$(dpkg-query -W -f '${db:Status-Status}' "$p" 2>/dev/null || true)" = installed ] || missing+=("$p")
+  done
+  [ ${#missing[@]} -gt 0 ] || return 0
+  local root=()
+  if [ "$(id -u)" != 0 ]; then
+    command -v sudo >/dev/null || { say "as root, install: apt-get install ${missing[*]}"; exit 1; }
+    root=(sudo)
+  fi
+  say "installing ${#missing[@]} packages: ${missing[*]}"
+  local log
+  log=$(mktemp)
+  if ! { "${root[@]}" apt-get update -q && "${root[@]}" env DEBIAN_FRONTEND=noninteractive \
+         apt-get install -y -q --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
+    tail -n 20 "$log" >&2
+    say "installation failed; the whole log is in $log"
+    exit 1
+  fi
+  rm -f "$log"
+}
+
+configure() {
+  [ -f "$build/build.ninja" ] && return 0
+  say "configuring in $build"
+  mkdir -p "$build"
+  cmake -G Ninja -S "$top" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER_LAUNCHER=ccache \
+    >"$build/configure.log" 2>&1 || { tail -n 30 "$build/configure.log" >&2; exit 1; }
+}
+
+# Quiet when there is nothing to say; the compiler's own words when something fails.
+compile() {
+  say "building ${*:-everything} (log: $build/build.log)"
+  cmake --build "$build" ${*:+--target "$@"} >"$build/build.log" 2>&1 || { tail -n 40 "$build/build.log" >&2; exit 1; }
+}
+
+[ $# -ge 1 ] || usage
+command=$1
+shift
+case $command in
+  run)
+    [ $# -ge 1 ] || usage
+    install_missing; configure; compile quell
+    exec "$build/bin/quell" run "$@" ;;
+  build)
+    install_missing; configure; compile ;;
+  test)
+    install_missing; configure; compile
+    cd "$build" && exec ctest --output-on-failure -j "$(nproc)" "$@" ;;
+  *)
+    say "unknown command \"$command\""; usage ;;
+esac
