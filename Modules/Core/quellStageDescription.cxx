@@ -156,6 +156,12 @@ StageDescription& StageDescription::OptionalInput(const char* name, ArrayKind ki
   this->Inputs.back().Optional = true;
   return *this;
 }
+StageDescription& StageDescription::DelayedInput(const char* name, ArrayKind kind, const char* array, const char* doc)
+{
+  this->OptionalInput(name, kind, array, doc);
+  this->Inputs.back().Delayed = true;
+  return *this;
+}
 StageDescription& StageDescription::RepeatableInput(const char* name, ArrayKind kind, const char* array, const char* doc)
 {
   this->Input(name, kind, array, doc);

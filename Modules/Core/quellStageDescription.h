@@ -62,6 +62,7 @@ struct InputPort
   std::string Doc;
   bool Optional = false;
   bool Repeatable = false;
+  bool Delayed = false;    ///< meant for the previous frame (delay="1"); then it covers the whole frame
   int Halo = -1;           ///< -1: the stage's HaloFor(port) decides
 };
 
@@ -120,6 +121,8 @@ struct VTKQUELLCORE_EXPORT StageDescription
   // Builders, so that a stage's table reads as a table.
   StageDescription& Input(const char* name, ArrayKind kind, const char* array, const char* doc);
   StageDescription& OptionalInput(const char* name, ArrayKind kind, const char* array, const char* doc);
+  /// Optional, and meant to be connected with delay="1".
+  StageDescription& DelayedInput(const char* name, ArrayKind kind, const char* array, const char* doc);
   StageDescription& RepeatableInput(const char* name, ArrayKind kind, const char* array, const char* doc);
   StageDescription& Output(const char* name, ArrayKind kind, const char* doc, int components = 0);
 };

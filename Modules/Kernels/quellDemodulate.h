@@ -3,6 +3,7 @@
 #define quellDemodulate_h
 
 #include "quellImageView.h"
+#include "quellKernelsModule.h"
 
 #include <cstdint>
 
@@ -17,12 +18,12 @@ namespace quell
 /// limited to FLT_MAX. A non-finite albedo channel counts as 1. A pixel whose radiance is not finite gets the mean of its
 /// finite neighbours' illumination (0: none). Pixelwise, halo 1 for that rule. Returns the number of such pixels.
 /// Source: Bikker, INFOMAGR 15; the floor as in Falcor's SVGF pass (1e-3).
-std::int64_t Demodulate(
+QUELLKERNELS_EXPORT std::int64_t Demodulate(
   const ImageIn& radiance, const ImageIn& albedo, float floor, const ImageOut& out, const Rect& tile) noexcept;
 
 /// The inverse: radiance = illumination * clamp(albedo, floor, 1). A non-finite illumination is replaced by the mean of
 /// its finite neighbours before it is multiplied by its own albedo.
-std::int64_t Modulate(
+QUELLKERNELS_EXPORT std::int64_t Modulate(
   const ImageIn& illumination, const ImageIn& albedo, float floor, const ImageOut& out, const Rect& tile) noexcept;
 }
 

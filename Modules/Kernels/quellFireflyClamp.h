@@ -3,6 +3,7 @@
 #define quellFireflyClamp_h
 
 #include "quellImageView.h"
+#include "quellKernelsModule.h"
 
 #include <cstdint>
 
@@ -38,7 +39,7 @@ struct ClampLedger
 /// of its finite neighbours (0: none), which is clamped in turn; its residual is 0. Pixelwise, halo 1 for that rule.
 /// Biased: it removes the mean of max(0, |E| - threshold).
 /// Source: Bikker, INFOMAGR 15, `if dot(E,E) > 25: E = 5 E / |E|`.
-ClampLedger FireflyClamp(const ImageIn& radiance, float threshold, const ImageOut& filtered, const ImageOut& residual,
+QUELLKERNELS_EXPORT ClampLedger FireflyClamp(const ImageIn& radiance, float threshold, const ImageOut& filtered, const ImageOut& residual,
   const Rect& tile) noexcept;
 }
 

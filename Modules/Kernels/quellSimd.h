@@ -2,6 +2,8 @@
 #ifndef quellSimd_h
 #define quellSimd_h
 
+#include "quellKernelsModule.h"
+
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -16,15 +18,15 @@ struct SimdTarget
 };
 
 /// Best first.
-std::vector<SimdTarget> SimdTargets();
+QUELLKERNELS_EXPORT std::vector<SimdTarget> SimdTargets();
 /// For tests and measurements: use this target from now on, in all kernels; 0 goes back to the best. Not thread-safe.
-void ForceSimdTarget(std::int64_t id);
+QUELLKERNELS_EXPORT void ForceSimdTarget(std::int64_t id);
 /// The target in use.
-const char* SimdTargetName();
+QUELLKERNELS_EXPORT const char* SimdTargetName();
 
 /// exp2(-x) of `count` values by the vector code that filters use for their weights, for x >= 0; 0 for x > 115 and for NaN.
 /// Relative error at most 3e-7. `in` and `out` hold a multiple of 64 floats.
-void NegativeExp2(const float* in, float* out, std::size_t count) noexcept;
+QUELLKERNELS_EXPORT void NegativeExp2(const float* in, float* out, std::size_t count) noexcept;
 }
 
 #endif

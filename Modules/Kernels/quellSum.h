@@ -3,6 +3,7 @@
 #define quellSum_h
 
 #include "quellImageView.h"
+#include "quellKernelsModule.h"
 
 #include <cstdint>
 
@@ -12,7 +13,7 @@ namespace quell
 /// of the connections, so the rounding is always the same; sums beyond FLT_MAX stay at FLT_MAX. A non-finite term pixel is
 /// replaced by the mean of its finite neighbours in that term (0: none). Pixelwise, halo 1 for that rule.
 /// Returns the number of such pixels.
-std::int64_t AddTerm(const ImageIn& term, bool first, const ImageOut& out, const Rect& tile) noexcept;
+QUELLKERNELS_EXPORT std::int64_t AddTerm(const ImageIn& term, bool first, const ImageOut& out, const Rect& tile) noexcept;
 }
 
 #endif

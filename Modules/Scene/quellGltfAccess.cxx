@@ -182,6 +182,12 @@ GltfAccess::Range GltfAccess::Slice(const JsonValue& owner, std::uint64_t count,
   return { range.Data + (count > 0 ? offset : 0), count * size, stride };
 }
 
+JsonValue GltfAccess::Accessor(const JsonValue& index) const
+{
+  const std::size_t i = index.Index(this->Root.CountOf("accessors"), "accessor");
+  return this->Root.Get("accessors").At(i);
+}
+
 static std::uint64_t ComponentSize(int type)
 {
   switch (type)
@@ -275,9 +281,7 @@ void GltfAccess::Read(const JsonValue& accessor, const Element& e, std::vector<T
 
 GltfAccess::Array GltfAccess::Floats(const JsonValue& index, const char* types, bool force)
 {
-  const JsonValue accessor =
-    this->Root.Has("accessors") ? this->Root.Get("accessors").At(index.Index(this->Root.CountOf("accessors"), "accessor"))
-                                : (index.Index(0, "accessor"), index);
+  const JsonValue accessor = this->Accessor(index);
   const Element e = this->Describe(accessor, types);
   const bool normalized = e.Normalized || force;
   Array out;
@@ -323,8 +327,7 @@ GltfAccess::Array GltfAccess::Floats(const JsonValue& index, const char* types, 
 
 std::vector<std::uint32_t> GltfAccess::Integers(const JsonValue& index, const char* types)
 {
-  const std::size_t i = index.Index(this->Root.CountOf("accessors"), "accessor");
-  const JsonValue accessor = this->Root.Get("accessors").At(i);
+  const JsonValue accessor = this->Accessor(index);
   const Element e = this->Describe(accessor, types);
   std::vector<std::uint32_t> out;
   switch (e.ComponentType)
@@ -348,8 +351,7 @@ std::vector<std::uint32_t> GltfAccess::Integers(const JsonValue& index, const ch
 
 bool GltfAccess::HasData(const JsonValue& index) const
 {
-  const std::size_t i = index.Index(this->Root.CountOf("accessors"), "accessor");
-  const JsonValue accessor = this->Root.Get("accessors").At(i);
+  const JsonValue accessor = this->Accessor(index);
   return accessor.Has("bufferView") || accessor.Has("sparse");
 }
 }

@@ -60,6 +60,7 @@ private:
   const Bytes& Buffer(std::size_t index, const JsonValue& who);
   Range BufferView(const JsonValue& index);
   Range Slice(const JsonValue& owner, std::uint64_t count, std::uint64_t size, bool strided);
+  JsonValue Accessor(const JsonValue& index) const;
   Element Describe(const JsonValue& accessor, const char* types) const;
   template <class T, class Convert>
   void Read(const JsonValue& accessor, const Element& element, std::vector<T>& out, Convert convert);

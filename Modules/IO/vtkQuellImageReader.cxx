@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkQuellImageReader.h"
+
+#include "quellImageFile.h"
+
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkObjectFactory.h"
+#include "vtkPointData.h"
+
+#include <algorithm>
+
+vtkStandardNewMacro(vtkQuellImageReader);
+QUELL_STAGE_DESCRIPTION(vtkQuellImageReader)
+
+vtkQuellImageReader::vtkQuellImageReader()
+{
+  this->InitializePorts();
+}
+vtkQuellImageReader::~vtkQuellImageReader() = default;
+
+void vtkQuellImageReader::Describe(quell::StageDescription& d)
+{
+  using Self = vtkQuellImageReader;
+  d.Category = "IO";
+  d.Brief = "Reads named arrays from an OpenEXR or another image file, or from a sequence of files.";
+  d.Details =
+    "Every layer of the file is an array; the layers of Quell, Blender, Arnold, pbrt, Mitsuba and OIDN get the names of their "
+    "role (`Documentation/aov.md`), others keep their own. Only what is asked for is read.\n\n"
+    "The frame is the display window. Pixels outside the data window hold the array's background (0; albedo 1; depth "
+    "+inf). Values are not changed: non-finite ones pass. Integer pixels of formats other than EXR are decoded from sRGB.";
+  d.Output("radiance", quell::ArrayKind::Color, "the file's plain R G B channels, or its beauty pass");
+  QUELL_PATH(d, File, "image file; a run of # in its name is replaced by the frame's tick, e.g. noisy.####.exr");
+  QUELL_STRING(d, PlainArray, "array that plain R G B or Y channels make, e.g. albedo for a file that holds nothing else");
+  QUELL_ENUM(d, Transfer, "how pixels become linear; Automatic: integers are sRGB-encoded, floats are linear", "Automatic",
+    "Linear", "Srgb");
+}
+
+void vtkQuellImageReader::SetFile(const std::string& file)
+{
+  if (file == this->File)
+    return;
+  this->File = file;
+  this->Modified();
+}
+
+void vtkQuellImageReader::SetPlainArray(const std::string& name)
+{
+  if (name == this->PlainArray)
+    return;
+  this->PlainArray = name;
+  this->Modified();
+}
+
+namespace
+{
+quell::ReadOptions OptionsOf(vtkQuellImageReader* reader)
+{
+  if (reader->GetFile().empty())
+    throw quell::StageError("no file given; set File");
+  quell::ReadOptions options;
+  options.PlainArray = reader->GetPlainArray().empty() ? "radiance" : reader->GetPlainArray();
+  options.Transfer = quell::FileTransfer(reader->GetTransfer());
+  return options;
+}
+}
+
+void vtkQuellImageReader::DescribeSource(int& width, int& height)
+{
+  const quell::ReadOptions options = OptionsOf(this);
+  const quell::ReadReport header =
+    quell::ReadImageHeader(quell::SequencePath(this->File, this->Ticks.First), options);
+  width = header.Width;
+  height = header.Height;
+}
+
+std::vector<quell::OutputArray> vtkQuellImageReader::ListDynamicOutputs()
+{
+  const quell::ReadOptions options = OptionsOf(this);
+  const quell::ReadReport header =
+    quell::ReadImageHeader(quell::SequencePath(this->File, this->Ticks.First), options);
+  std::vector<quell::OutputArray> list;
+  for (const quell::FileArray& array : header.Arrays)
+  {
+    quell::OutputArray out;
+    out.Name = array.Name;
+    out.Kind = array.Kind;
+    out.Components = int(array.Channels.size());
+    out.Doc = "channels";
+    for (const std::string& channel : array.Channels)
+      out.Doc += " " + channel;
+    list.push_back(out);
+  }
+  return list;
+}
+
+void vtkQuellImageReader::Execute(quell::StageFrame& frame)
+{
+  quell::ReadOptions options = OptionsOf(this);
+  options.Arrays = frame.WantedArrays();
+  options.Region = frame.Region();
+  if (options.Region.empty() || options.Arrays.empty())
+    return;
+  const std::string path = quell::SequencePath(this->File, frame.Tick());
+  // The size is checked first: the region refers to the frame that was announced.
+  const quell::ReadReport header = quell::ReadImageHeader(path, options);
+  if (header.Width != frame.Whole().width() || header.Height != frame.Whole().height())
+    throw quell::StageError("cannot read \"" + path + "\": it is " + std::to_string(header.Width) + " x " +
+      std::to_string(header.Height) + " pixels, but the sequence began with " + std::to_string(frame.Whole().width()) +
+      " x " + std::to_string(frame.Whole().height()) + "; all frames must have one size");
+  quell::ReadReport report;
+  auto image = quell::ReadImageFile(path, &report, options);
+  for (const std::string& name : options.Arrays)
+  {
+    auto array = vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(name.c_str()));
+    const int components = array->GetNumberOfComponents();
+    const quell::ImageOut out = frame.AddOutput(name, components);
+    if (out.components != components)
+      throw quell::StageError("cannot read \"" + path + "\": \"" + name + "\" has " + std::to_string(components) +
+        " components there, not " + std::to_string(out.components));
+    std::copy_n(array->GetPointer(0), array->GetNumberOfValues(), out.data);
+  }
+  frame.OutputFacts = report.Facts;
+  frame.OutputFacts.Tick = frame.Tick();
+  this->Warnings.insert(this->Warnings.end(), report.Warnings.begin(), report.Warnings.end());
+}

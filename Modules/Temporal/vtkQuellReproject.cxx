@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkQuellReproject.h"
+
+#include "quellReproject.h"
+#include "vtkObjectFactory.h"
+
+vtkStandardNewMacro(vtkQuellReproject);
+QUELL_STAGE_DESCRIPTION(vtkQuellReproject)
+
+namespace
+{
+enum Port
+{
+  Depth,
+  Normal,
+  Id,
+  Motion,
+  Position,
+  History,
+  Moments,
+  Length,
+  PreviousDepth,
+  PreviousNormal,
+  PreviousId
+};
+
+std::string SizeText(const quell::Rect& r)
+{
+  return std::to_string(r.width()) + " x " + std::to_string(r.height());
+}
+}
+
+vtkQuellReproject::vtkQuellReproject()
+{
+  this->InitializePorts();
+}
+
+void vtkQuellReproject::Describe(quell::StageDescription& d)
+{
+  using Self = vtkQuellReproject;
+  using quell::ArrayKind;
+  d.Category = "Temporal";
+  d.Brief = "Brings the previous frame's colour, moments and history length to where its points are seen now.";
+  d.Details =
+    "History is read at q = x + motion. Each of the four bilinear taps must lie inside the frame, be surface or background like "
+    "the pixel, have its id, a depth with |z_expected - z| <= DepthTolerance (slope + DepthEpsilon z), a normal with "
+    "n . n' > NormalThreshold and finite values; the others' weights are renormalised when they sum to MinimumWeight or more, "
+    "otherwise the valid pixels of the 3 x 3 are averaged, otherwise there is no history. z_expected is the point's depth in "
+    "the previous camera. Where motion differs from the camera's by more than MotionTolerance pixels, the point moved and its "
+    "previous depth is not known: the tolerance grows by MovingDepthTolerance z when ids are connected, otherwise by the "
+    "distance that the extra motion stands for.\n\n"
+    "A mix of (mean, M2) with weights w adds the spread of the means: M2 = sum w (M2_i + (mean_i - mean)^2).\n\n"
+    "Without `motion` the matrices of both frames give it (the camera's only). The delayed inputs cover the whole frame.\n\n"
+    "mask: 0 all taps, 1 some taps, 2 from the 3 x 3; no history: 3 no previous frame, 4 off screen, 5 not projectable, "
+    "6 surface against background, 7 id, 8 depth, 9 normal, 10 history not finite or empty.\n\n"
+    "Border: taps outside are rejected. Non-finite history is rejected; a non-finite depth is background; a non-finite "
+    "motion is off screen. Source: Schied et al. 2017, section 4.";
+  d.Input("depth", ArrayKind::Depth, "depth", "this frame's depth");
+  d.Input("normal", ArrayKind::Normal, "normal", "this frame's normals");
+  d.OptionalInput("id", ArrayKind::Id, "id", "this frame's object ids");
+  d.OptionalInput("motion", ArrayKind::Motion, "motion", "where each point was: previous - current, pixels, un-jittered");
+  d.OptionalInput("position", ArrayKind::Position, "position", "world positions; used only without motion, instead of depth");
+  d.Input("history", ArrayKind::Color, "radiance", "delayed: the previous frame's accumulated colour");
+  d.OptionalInput("moments", ArrayKind::Moments, "moments", "delayed: its moments");
+  d.OptionalInput("length", ArrayKind::History, "history", "delayed: its history length; without it, 1 where there is history");
+  d.Input("previousDepth", ArrayKind::Depth, "depth", "delayed: the previous frame's depth");
+  d.Input("previousNormal", ArrayKind::Normal, "normal", "delayed: its normals");
+  d.OptionalInput("previousId", ArrayKind::Id, "id", "delayed: its ids");
+  d.Inputs[Depth].Halo = 1;
+  d.Inputs[Id].Halo = 1;
+  d.Output("radiance", ArrayKind::Color, "the history's colour; 0 without history");
+  d.Output("moments", ArrayKind::Moments, "the history's moments");
+  d.Output("history", ArrayKind::History, "the history's length in frames; 0 where there is none");
+  d.Output("mask", ArrayKind::Scalar, "how each pixel got its history or why it has none (0 to 10)");
+  QUELL_DOUBLE(d, DepthTolerance, "", "accepted depth difference, in (slope per pixel + DepthEpsilon depth)");
+  QUELL_DOUBLE(d, DepthEpsilon, "", "part of the depth tolerated on a surface seen face on");
+  QUELL_DOUBLE(d, MovingDepthTolerance, "", "further part of the depth tolerated where the point itself moved");
+  QUELL_DOUBLE(d, MotionTolerance, "pixels", "motion beyond the camera's own by which a point counts as moved");
+  QUELL_DOUBLE(d, NormalThreshold, "", "cosine of the largest accepted angle between normals");
+  QUELL_DOUBLE(d, MinimumWeight, "", "bilinear weight that valid taps must have together");
+  QUELL_ENUM(d, Interpolation, "colour where all taps are valid: Bilinear smooths, CatmullRom keeps detail", "Bilinear",
+    "CatmullRom");
+}
+
+bool vtkQuellReproject::NeedsInput(int port, const quell::ArraySet&) const
+{
+  return port != Position || const_cast<vtkQuellReproject*>(this)->GetNumberOfInputConnections(Motion) == 0;
+}
+
+std::vector<std::string> vtkQuellReproject::Explain()
+{
+  std::vector<std::string> lines{
+    "history is read at x + motion: what its delayed inputs keep is made for the whole frame"
+  };
+  if (this->GetNumberOfInputConnections(Motion) == 0)
+    lines.push_back("no motion input: motion follows from the camera matrices, so only the camera's movement is known");
+  else if (this->GetNumberOfInputConnections(Position) != 0)
+    lines.push_back("position left out: motion is connected");
+  return lines;
+}
+
+void vtkQuellReproject::Execute(quell::StageFrame& frame)
+{
+  quell::ReprojectInputs in;
+  in.frame = frame.Whole();
+  in.depth = frame.Input(Depth);
+  in.normal = frame.Input(Normal);
+  in.id = frame.Input(Id);
+  in.motion = frame.Input(Motion);
+  in.position = frame.Input(Position);
+  in.history = frame.Input(History);
+  if (in.history)
+  {
+    in.moments = frame.Input(Moments);
+    in.length = frame.Input(Length);
+    in.previousDepth = frame.Input(PreviousDepth);
+    in.previousNormal = frame.Input(PreviousNormal);
+    in.previousId = frame.Input(PreviousId);
+    for (const quell::ImageIn& view :
+      { in.history, in.moments, in.length, in.previousDepth, in.previousNormal, in.previousId })
+      if (view && view.extent != in.frame)
+      {
+        this->Warnings.push_back("history of another size is not used: it is " + SizeText(view.extent) +
+          ", the frame " + SizeText(in.frame));
+        in.history = quell::ImageIn();
+        break;
+      }
+  }
+  if (in.history)
+  {
+    const quell::FrameFacts now = frame.Facts(Depth);
+    const quell::FrameFacts then = frame.Facts(frame.Has(PreviousDepth) ? PreviousDepth : History);
+    if (now.HasCamera && then.HasCamera)
+    {
+      in.current = quell::ViewGeometry(now.WorldToNdc, now.WorldToCamera);
+      in.previous = quell::ViewGeometry(then.WorldToNdc, then.WorldToCamera, now.Origin - then.Origin);
+      if (!in.current.IsValid() || !in.previous.IsValid())
+        this->Warnings.push_back(in.motion ? "a camera matrix cannot be inverted: depth is compared loosely"
+                                           : "a camera matrix cannot be inverted: no history");
+    }
+    else if (!in.motion)
+    {
+      in.stillCamera = !now.HasCamera && !then.HasCamera;
+      this->Warnings.push_back(in.stillCamera
+          ? "neither motion nor camera matrices: the camera is taken to stand still"
+          : "no motion, and only one of the two frames has a camera matrix: no history");
+    }
+  }
+
+  quell::ReprojectParameters parameters;
+  parameters.depthTolerance = this->DepthTolerance;
+  parameters.depthEpsilon = this->DepthEpsilon;
+  parameters.movingDepthTolerance = this->MovingDepthTolerance;
+  parameters.motionTolerance = this->MotionTolerance;
+  parameters.normalThreshold = this->NormalThreshold;
+  parameters.minimumWeight = this->MinimumWeight;
+  parameters.catmullRom = this->Interpolation == CatmullRom;
+  const quell::ReprojectOutputs out{ frame.Output("radiance"), frame.Output("moments"), frame.Output("history"),
+    frame.Output("mask") };
+  this->ForEachTile(
+    frame.Region(), 64, [&](const quell::Rect& tile) { quell::Reproject(in, parameters, out, tile); });
+}
