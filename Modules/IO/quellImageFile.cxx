@@ -56,8 +56,8 @@ std::string OneLine(std::string text)
   return text.empty() ? "the file is damaged" : text;
 }
 
-/// OpenImageIO picks its plug-in by extension and then tries all of them, some of which do not survive hostile files: the
-/// first bytes decide here, among formats that do.
+/// OpenImageIO picks its plug-in by extension and then tries all of them. Version 2.4's readers of BMP, Targa, TIFF, PSD and
+/// more end the process on damaged files, so the first bytes decide here, among formats that hold.
 std::string SniffFormat(const std::string& path)
 {
   std::error_code ec;
@@ -84,20 +84,79 @@ std::string SniffFormat(const std::string& path)
     return "jpeg";
   if (starts("#?", 2))
     return "hdr";
-  if (starts("II*\0", 4) || starts("MM\0*", 4))
-    return "tiff";
-  if (starts("BM", 2))
-    return "bmp";
   if (n > 2 && head[0] == 'P' && (std::strchr("123456", head[1]) || head[1] == 'F' || head[1] == 'f') &&
     std::isspace(static_cast<unsigned char>(head[2])))
     return "pnm";
-  std::string extension = fs::path(path).extension().string();
-  for (char& c : extension)
-    c = char(std::tolower(static_cast<unsigned char>(c)));
-  if (extension == ".tga")
-    return "targa";
   Refuse("read", path, "this is no image format that Quell reads",
-    "convert it to OpenEXR (also read: HDR, PNG, JPEG, TIFF, BMP, TGA, PNM)");
+    "convert it to OpenEXR (also read: HDR, PNG, JPEG, PNM)");
+}
+
+std::uint32_t BigEndian(const std::string& b, size_t at, int bytes)
+{
+  std::uint32_t v = 0;
+  for (int i = 0; i < bytes; ++i)
+    v = v << 8 | static_cast<unsigned char>(b[at + size_t(i)]);
+  return v;
+}
+
+/// Walks the segments before the first scan: the plug-in overruns a damaged colour profile and, where a file is
+/// progressive, allocates the declared size while it is being opened.
+void CheckJpeg(const std::string& path)
+{
+  const char* const damaged = "the file is damaged: write it again";
+  std::ifstream in(path, std::ios::binary);
+  in.seekg(2);
+  std::string profile;
+  for (int segments = 0; segments < 100000; ++segments)
+  {
+    int marker = in.get();
+    if (marker != 0xff)
+      Refuse("read", path, "its JPEG segments are broken", damaged);
+    while (marker == 0xff)
+      marker = in.get();
+    if (marker == 0xda || marker == 0xd9)
+      break;
+    if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8))
+      continue;
+    std::string head(2, '\0');
+    if (!in.read(&head[0], 2) || BigEndian(head, 0, 2) < 2)
+      Refuse("read", path, "its JPEG segments are broken", damaged);
+    std::string body(BigEndian(head, 0, 2) - 2, '\0');
+    if (!body.empty() && !in.read(&body[0], std::streamsize(body.size())))
+      Refuse("read", path, "it ends inside its header", damaged);
+    const bool frame = marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (frame && (body.size() < 6 ||
+        std::int64_t(BigEndian(body, 1, 2)) * BigEndian(body, 3, 2) > MaximumPixels))
+      Refuse("read", path, "its header declares more than " + std::to_string(MaximumPixels) + " pixels", damaged);
+    if (marker == 0xe2 && body.size() > 14 && body.compare(0, 12, "ICC_PROFILE", 12) == 0)
+      profile += body.substr(14);
+  }
+  if (profile.empty())
+    return;
+  bool good = profile.size() >= 132 && BigEndian(profile, 0, 4) == profile.size();
+  const std::uint64_t tags = good ? BigEndian(profile, 128, 4) : 0;
+  good = good && 132 + 12 * tags <= profile.size();
+  for (std::uint64_t t = 0; good && t < tags; ++t)
+  {
+    const std::uint64_t offset = BigEndian(profile, 136 + 12 * t, 4), size = BigEndian(profile, 140 + 12 * t, 4);
+    good = size >= 12 && offset >= 132 && offset + size <= profile.size();
+    // Localised texts have a table of their own inside.
+    if (good && profile.compare(offset, 4, "mluc") == 0)
+    {
+      good = size >= 16;
+      const std::uint64_t records = good ? BigEndian(profile, offset + 8, 4) : 0;
+      good = good && 16 + 12 * records <= size;
+      for (std::uint64_t r = 0; good && r < records; ++r)
+      {
+        const std::uint64_t at = offset + 16 + 12 * r;
+        good = std::uint64_t(BigEndian(profile, at + 8, 4)) + BigEndian(profile, at + 4, 4) <= size;
+      }
+    }
+    if (good && profile.compare(offset, 4, "desc") == 0)
+      good = std::uint64_t(BigEndian(profile, offset + 8, 4)) + 12 <= size;
+  }
+  if (!good)
+    Refuse("read", path, "its ICC colour profile is damaged", "save it again without the profile");
 }
 
 /// Runs `work` so that nothing but a StageError with the file's name comes out.
@@ -177,7 +236,7 @@ Mat4 ToFileNdc(const Mat4& m)
   }
   return out;
 }
-/// pbrt writes the same matrices transposed. An affine camera matrix tells which: 0 0 0 1 is its last column (Imath's
+/// pbrt writes the same matrices transposed, and its raster's y points up. An affine camera matrix tells which: 0 0 0 1 is its last column (Imath's
 /// layout) or its last row.
 bool IsTransposed(const float* camera)
 {
@@ -203,7 +262,7 @@ bool FromFile(const float* camera, const float* ndc, FrameFacts& facts)
   {
     const auto at = [&](int i) { return double(transposed ? ndc[4 * i + j] : ndc[4 * j + i]); };
     facts.WorldToNdc.m[0][j] = 2 * at(0) - at(3);
-    facts.WorldToNdc.m[1][j] = at(3) - 2 * at(1);
+    facts.WorldToNdc.m[1][j] = transposed ? 2 * at(1) - at(3) : at(3) - 2 * at(1);
     facts.WorldToNdc.m[2][j] = at(2);
     facts.WorldToNdc.m[3][j] = at(3);
   }
@@ -258,8 +317,12 @@ FrameFacts FactsOf(const OIIO::ImageSpec& spec, const std::map<std::string, std:
   double camera[16], ndc[16], origin[3];
   if (ParseDoubles(find("worldToCamera"), camera, 16) && ParseDoubles(find("worldToNdc"), ndc, 16))
   {
-    std::memcpy(&facts.WorldToCamera.m[0][0], camera, sizeof(camera));
-    std::memcpy(&facts.WorldToNdc.m[0][0], ndc, sizeof(ndc));
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j)
+      {
+        facts.WorldToCamera.m[i][j] = camera[4 * i + j];
+        facts.WorldToNdc.m[i][j] = ndc[4 * i + j];
+      }
     facts.HasCamera = true;
   }
   else
@@ -285,6 +348,8 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
   OpenFile file;
   ReadReport& report = file.Report;
   report.Format = SniffFormat(path);
+  if (report.Format == "jpeg")
+    CheckJpeg(path);
   OIIO::geterror();
   file.Input = OIIO::ImageInput::create(report.Format);
   if (!file.Input)
@@ -979,7 +1044,6 @@ void WriteOther(const std::string& path, const std::string& temporary, const std
         row[n] = std::isfinite(a) ? std::floor(std::min(1.f, std::max(0.f, a)) * 255.f + 0.5f) / 255.f : 0.f;
       }
     }
-    row = nullptr;
   });
   if (!output->close())
     Refuse("write", path, OneLine(output->geterror()), "is the disk full?");

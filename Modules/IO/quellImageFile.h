@@ -17,7 +17,7 @@
 class vtkImageData;
 
 /// Image files as images with named arrays. OpenEXR (several layers and parts, scanlines or tiles, half, float and
-/// integer channels), Radiance HDR, PNG, JPEG, TIFF, BMP, Targa, PNM/PFM. Rows are flipped here and nowhere else: row 0 of
+/// integer channels), Radiance HDR, PNG, JPEG, PNM; TIFF, BMP and Targa are written only. Rows are flipped here and nowhere else: row 0 of
 /// an image is its bottom row, of a file its top row. Which channel is which array: Documentation/aov.md.
 /// Every failure is a StageError with the file's name, the cause and what to do about it.
 namespace quell
@@ -108,7 +108,7 @@ struct WriteReport
 
 /// Writes `layers` (empty: every array, radiance first) in one file: under a temporary name in the same directory, then
 /// renamed, so that a reader sees the old file or the whole new one. Creates directories. Formats other than EXR hold one
-/// colour and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr and .pfm: linear.
+/// colour and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr: linear.
 VTKQUELLIO_EXPORT void WriteImageFile(const std::string& path, vtkImageData* image,
   const std::vector<LayerSpec>& layers = {}, const WriteOptions& options = {}, WriteReport* report = nullptr);
 

@@ -53,7 +53,7 @@ std::int64_t Accumulate(const AccumulateInputs& in, const AccumulateParameters& 
         {
           length = std::min(length + 1, par.maximumHistory);
           const double a = std::min(1., std::max(par.alpha, 1 / length));
-          color += (sample - color) * a;
+          color = a < 1 ? color + (sample - color) * a : sample;  // a weight of 1 is exact
           const double am = std::min(1., std::max(par.momentsAlpha, 1 / length));
           const double d = luminance - mean;
           mean += am * d;

@@ -40,6 +40,12 @@ bool Same(const PipelineInclude& a, const PipelineInclude& b)
 {
   return SameItem(a, b) && Same(a.File, b.File);
 }
+// The vector comparison below finds these by declaration only.
+bool Same(const PipelineInput& a, const PipelineInput& b);
+bool Same(const PipelineNode& a, const PipelineNode& b);
+bool Same(const PipelineTemplate& a, const PipelineTemplate& b);
+bool Same(const PipelineOutput& a, const PipelineOutput& b);
+
 template <class T>
 bool Same(const std::vector<T>& a, const std::vector<T>& b)
 {

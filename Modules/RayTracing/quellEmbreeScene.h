@@ -96,6 +96,8 @@ public:
   Mat4 NodeMatrix(int node, bool previous) const;
   /// World bounds (absolute) of what can be seen; lower > upper: nothing.
   Vec3d Lower, Upper;
+  /// The same at time 0, for a camera that frames everything and keeps still.
+  Vec3d RestLower, RestUpper;
 
   // What the scene holds: what it lacks is not looked up.
   struct Features
@@ -113,6 +115,7 @@ private:
     int Node = -1, Id = 0, Material = 0;
     bool Animated = false;     ///< by its node or one above it
     bool Moved = false;        ///< between the previous and this time
+    bool Mirrored = false;     ///< the node turns triangles inside out
     bool AlphaTested = false, Textured = false, Plain = false;
     Mat4 World, Previous;      ///< relative to the origin
     std::vector<float> Positions;            ///< baked, 3 per vertex and padding

@@ -9,7 +9,8 @@ namespace quell
 namespace
 {
 /// Upper ends of a running sum, scaled to 1; false where the sum is 0. Summed in double: 1e6 small lights add up.
-bool MakeCdf(const std::vector<double>& weights, std::vector<float>& cdf, double& total)
+template <class T>
+bool MakeCdf(const std::vector<double>& weights, std::vector<T>& cdf, double& total)
 {
   total = 0;
   for (double w : weights)
@@ -22,7 +23,7 @@ bool MakeCdf(const std::vector<double>& weights, std::vector<float>& cdf, double
   for (std::size_t i = 0; i < weights.size(); ++i)
   {
     sum += weights[i];
-    cdf[i] = float(sum / total);
+    cdf[i] = T(sum / total);
     if (weights[i] > 0)
       last = i;
   }
@@ -32,17 +33,24 @@ bool MakeCdf(const std::vector<double>& weights, std::vector<float>& cdf, double
 }
 
 /// First entry whose upper end is above u; the remainder of u, rescaled to [0, 1).
-std::size_t Pick(const float* cdf, std::size_t n, float u, float& rest) noexcept
+template <class T>
+std::size_t Pick(const T* cdf, std::size_t n, float u, float& rest) noexcept
 {
-  const std::size_t i = std::min<std::size_t>(std::upper_bound(cdf, cdf + n, u) - cdf, n - 1);
-  const float lo = i > 0 ? cdf[i - 1] : 0, width = cdf[i] - lo;
-  rest = width > 0 ? std::min(0x1.fffffep-1f, (u - lo) / width) : 0.5f;
+  const std::size_t i = std::min<std::size_t>(std::size_t(std::upper_bound(cdf, cdf + n, T(u)) - cdf), n - 1);
+  const T lo = i > 0 ? cdf[i - 1] : T(0), width = cdf[i] - lo;
+  rest = width > 0 ? std::min(0x1.fffffep-1f, float((u - lo) / width)) : 0.5f;
   return i;
 }
 
 float Sanitized(float v)
 {
   return std::isfinite(v) && v > 0 ? v : 0;
+}
+
+/// Solid angle of a row of texels over 2 pi: the difference of the cosines of its edges, without cancellation.
+float RowBand(int y, int h)
+{
+  return 2 * std::sin(Pi * (y + 0.5f) / h) * std::sin(Pi / (2 * h));
 }
 
 /// KHR_lights_punctual's window: (1 - (d / range)^4), at most 1, over d^2.
@@ -206,7 +214,7 @@ float LightSampler::SkyPdf(const Vec3f& d) const noexcept
   const float row = this->RowCdf[y] - (y > 0 ? this->RowCdf[y - 1] : 0);
   const float* c = &this->ColumnCdf[std::size_t(y) * w];
   const float column = c[x] - (x > 0 ? c[x - 1] : 0);
-  const float band = std::cos(Pi * y / h) - std::cos(Pi * (y + 1) / h);  // solid angle of the row / 2 pi
+  const float band = RowBand(y, h);
   return this->SkyPick * row * column * w / (2 * Pi * band);
 }
 
@@ -312,8 +320,7 @@ bool LightSampler::Draw(const Vec3f& x, float pick, float u, float v, Sample& ou
     const std::size_t y = Pick(this->RowCdf.data(), std::size_t(h), v, rv);
     const std::size_t i = Pick(&this->ColumnCdf[y * w], std::size_t(w), u, ru);
     // uniform in solid angle within the texel
-    const float c0 = std::cos(Pi * y / h), c1 = std::cos(Pi * (y + 1) / h);
-    const float cosTheta = c0 + (c1 - c0) * rv, sinTheta = std::sqrt(std::max(0.f, 1 - cosTheta * cosTheta));
+    const float cosTheta = std::cos(Pi * y / h) - RowBand(int(y), h) * rv, sinTheta = std::sqrt(std::max(0.f, 1 - cosTheta * cosTheta));
     const float phi = 2 * Pi * ((i + ru) / w - 0.5f);
     out.Wi = { sinTheta * std::sin(phi), cosTheta, -sinTheta * std::cos(phi) };
     out.Emission = this->Sky(out.Wi);

@@ -8,6 +8,7 @@
 #include "vtkQuellRayTracingModule.h"
 
 #include <cstdint>
+#include <cstddef>
 #include <vector>
 
 namespace quell
@@ -91,9 +92,9 @@ private:
   }
 
   std::vector<LightTriangle> Triangles;
-  std::vector<float> TriangleCdf;  ///< upper ends, the last one is 1
+  std::vector<double> TriangleCdf;  ///< upper ends, the last one is 1
   std::vector<PlacedLight> Punctual;
-  std::vector<float> PunctualCdf;
+  std::vector<double> PunctualCdf;
   float TriangleEnd = 0, PunctualEnd = 0;  ///< group ends on [0, 1]
   float SkyPick = 0;
 

@@ -121,7 +121,7 @@ const Bytes& GltfAccess::Buffer(std::size_t index, const JsonValue& who)
     else
     {
       const std::string path = Beside(this->File, DecodePercent(uri));
-      if (!ReadFile(path, bytes, reason))
+      if (!ReadFile(path, bytes, reason) && !ReadFile(Beside(this->File, uri), bytes, reason))
         uriValue.Fail("buffer \"" + path + "\" cannot be read: " + reason, "put the file there or correct the uri");
       this->Hash.Add(bytes.data(), bytes.size());
     }
@@ -136,10 +136,14 @@ const Bytes& GltfAccess::Buffer(std::size_t index, const JsonValue& who)
   return bytes;
 }
 
-GltfAccess::Range GltfAccess::BufferView(const JsonValue& index)
+JsonValue GltfAccess::ViewAt(const JsonValue& index) const
 {
   const std::size_t i = index.Index(this->Root.CountOf("bufferViews"), "bufferView");
-  const JsonValue view = this->Root.Get("bufferViews").At(i);
+  return this->Root.Get("bufferViews").At(i);
+}
+
+GltfAccess::Range GltfAccess::BufferView(const JsonValue& view)
+{
   const std::size_t b = view.Get("buffer").Index(this->Buffers.size(), "buffer");
   const Bytes& bytes = this->Buffer(b, view);
   const std::uint64_t offset = view.UnsignedOr("byteOffset", 0), length = view.Get("byteLength").Unsigned();
@@ -160,13 +164,13 @@ GltfAccess::Range GltfAccess::BufferView(const JsonValue& index)
 
 Bytes GltfAccess::View(const JsonValue& index)
 {
-  const Range range = this->BufferView(index);
+  const Range range = this->BufferView(this->ViewAt(index));
   return Bytes(range.Data, range.Data + range.Size);
 }
 
 GltfAccess::Range GltfAccess::Slice(const JsonValue& owner, std::uint64_t count, std::uint64_t size, bool strided)
 {
-  Range range = this->BufferView(owner.Get("bufferView"));
+  Range range = this->BufferView(this->ViewAt(owner.Get("bufferView")));
   const std::uint64_t offset = owner.UnsignedOr("byteOffset", 0);
   const std::uint64_t stride = strided && range.Stride ? range.Stride : size;
   if (stride < size)
@@ -276,6 +280,20 @@ void GltfAccess::Read(const JsonValue& accessor, const Element& e, std::vector<T
           std::to_string(e.Count) + " elements",
         Reexport);
     element(from.Data + i * e.Size, index);
+  }
+}
+
+void GltfAccess::CheckAll()
+{
+  const std::size_t views = this->Root.CountOf("bufferViews"), accessors = this->Root.CountOf("accessors");
+  for (std::size_t i = 0; i < views; ++i)
+    this->BufferView(this->Root.Get("bufferViews").At(i));
+  for (std::size_t i = 0; i < accessors; ++i)
+  {
+    const JsonValue accessor = this->Root.Get("accessors").At(i);
+    const Element e = this->Describe(accessor, "SCALAR VEC2 VEC3 VEC4 MAT2 MAT3 MAT4");
+    if (accessor.Has("bufferView"))
+      this->Slice(accessor, e.Count, e.Size, true);
   }
 }
 

@@ -29,6 +29,9 @@ class GltfAccess
 public:
   GltfAccess(const JsonValue& root, const std::string& file, const GltfContainer& container, ContentHash& hash);
 
+  /// Checks every bufferView and accessor of the file, used or not.
+  void CheckAll();
+
   /// Elements of accessor `index` as floats, normalized integers mapped to [0, 1] or [-1, 1]. `types` lists the
   /// allowed ones ("VEC3" or "VEC3 VEC4"). `where` is who asks. Integers are normalized in any case with `force`.
   struct Array
@@ -58,7 +61,8 @@ private:
     std::uint64_t Count = 0, Size = 0;
   };
   const Bytes& Buffer(std::size_t index, const JsonValue& who);
-  Range BufferView(const JsonValue& index);
+  JsonValue ViewAt(const JsonValue& index) const;
+  Range BufferView(const JsonValue& view);
   Range Slice(const JsonValue& owner, std::uint64_t count, std::uint64_t size, bool strided);
   JsonValue Accessor(const JsonValue& index) const;
   Element Describe(const JsonValue& accessor, const char* types) const;

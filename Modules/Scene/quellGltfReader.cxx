@@ -49,6 +49,7 @@ public:
   void Read()
   {
     this->CheckHeader();
+    this->Access.CheckAll();
     this->ReadNodes();
     this->ReadDefaultScene();
     this->ReadMaterials();
@@ -497,7 +498,6 @@ void GltfReader::ReadMaterial(const JsonValue& json, Material& m)
 
 int GltfReader::ReadTexture(const JsonValue& json, bool srgb)
 {
-  const JsonValue sourceOwner = json;
   if (!json.Has("source"))
   {
     this->Warn(json, "the texture has no PNG or JPEG source and is ignored", "export with PNG or JPEG images");
@@ -526,7 +526,7 @@ int GltfReader::ReadTexture(const JsonValue& json, bool srgb)
       else
       {
         name = Beside(this->Out.File, DecodePercent(uri));
-        ok = ReadFile(name, content, reason);
+        ok = ReadFile(name, content, reason) || ReadFile(Beside(this->Out.File, uri), content, reason);
         this->Hash.Add(content.data(), content.size());
       }
     }

@@ -66,7 +66,8 @@ std::uint64_t JsonValue::Unsigned(std::uint64_t maximum) const
     value = ok ? std::uint64_t(d) : 0;
   }
   if (!ok)
-    this->Fail("expected a whole number from 0 to " + std::to_string(maximum) + ", found " +
+    this->Fail("expected a whole number" +
+        (maximum < (std::uint64_t(1) << 53) ? " from 0 to " + std::to_string(maximum) : std::string(" >= 0")) + ", found " +
         (this->Json->is_number() ? this->Json->dump() : std::string(this->Json->type_name())),
       Reexport);
   return value;

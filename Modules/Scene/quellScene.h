@@ -174,7 +174,7 @@ struct Environment
 struct VTKQUELLSCENE_EXPORT Scene
 {
   std::string File;
-  std::string Hash;     ///< FNV-1a of the scene file and its buffers, hexadecimal
+  std::string Hash;     ///< FNV-1a (64 bit) of the scene file, its buffers, material libraries and images, hexadecimal
   std::vector<Texture> Textures;
   std::vector<Material> Materials;
   std::vector<Mesh> Meshes;
@@ -194,7 +194,26 @@ struct VTKQUELLSCENE_EXPORT Scene
   double Duration() const;  ///< seconds; 0 where nothing is animated
 };
 
-/// Reads .gltf, .glb or .obj. Throws SceneError; recoverable trouble (a missing image) goes into Warnings.
+/// Reads .gltf, .glb or .obj. Throws SceneError ("file: place: what; remedy"); recoverable trouble goes into Warnings in
+/// the same form: a missing image (white; black where it is the picture of an emission), triangles with positions that
+/// are not finite (dropped), points and lines (skipped), values outside of their range (clamped), extensions we do not
+/// know (ignored). Compressed meshes and other extensions that a file *requires* are errors.
+///
+/// glTF: the default scene (or the first) is instanced; all nodes and materials keep their place in the file. Animation
+/// clips that move different things play together. Skins and morph targets keep the pose of the file at rest.
+///
+/// OBJ has no camera and none is made. One node per group or object, all double-sided, v flipped to point down.
+/// MTL -> Material:
+///   Ks = 0                        Lambert of reflectance Kd (Specular 0)
+///   Ks > 0, max Kd <= max Ks / 10 metal of reflectance Ks (and no map_Kd)
+///   Ks > 0 otherwise              diffuse Kd below a reflection of Ks at normal incidence: SpecularColor = Ks / F0(Ni),
+///                                 which may exceed 1; clamp F0 x SpecularColor to 1 as KHR_materials_specular says
+///   illum 4, 6, 7, 9              glass: Transmission 1, Ior Ni, Volume, BaseColor sqrt(Tf) (two surfaces make Tf), smooth
+///   Ns                            Roughness = sqrt(alpha), alpha^2 = 2 / (Ns + 2) (width of a Phong lobe); 0 (a mirror)
+///                                 where illum 3 to 7 asks for reflected rays and Ns >= 200
+///   Ke, map_Ke                    Emission, EmissiveTexture
+///   d or Tr                       Alpha, Blend; map_d goes into the alpha of the base colour, Mask where it is only 0 or 1
+///   map_Kd, norm, -s, -o, -clamp  BaseColorTexture, NormalTexture, Transform, Wrap; Pr and Pm override
 VTKQUELLSCENE_EXPORT std::shared_ptr<const Scene> LoadScene(const std::string& file);
 
 /// Reads a latitude-longitude image (any format OpenImageIO reads) into `scene` as its environment, scaled by `scale`.

@@ -230,9 +230,12 @@ bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
     OIIO::Filesystem::IOMemReader memory(
       const_cast<void*>(static_cast<const void*>(content.data())), content.size());
     const OIIO::ImageSpec config = OpenConfiguration();
-    auto input = OIIO::ImageInput::open(isPng ? "memory.png" : "memory.jpg", &config, &memory);
-    if (!input)
-      return reason = "decoding fails: " + OIIO::geterror(), false;
+    auto input = OIIO::ImageInput::create(isPng ? "png" : "jpeg");
+    if (!input || !input->set_ioproxy(&memory))
+      return reason = "OpenImageIO lacks the format", false;
+    OIIO::ImageSpec spec;
+    if (!input->open(isPng ? "memory.png" : "memory.jpg", spec, config))
+      return reason = "decoding fails: " + input->geterror(), false;
     return ReadOpened(*input, texture, reason);
   }
   catch (const std::exception& e)

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The command line: what it takes is declared here, what it does is in the *Command.cxx files.
+#include "quellCommands.h"
+#include "quellRegisterColor.h"
+#include "quellRegisterDenoising.h"
+#include "quellRegisterImageIO.h"
+#include "quellRegisterMetrics.h"
+#include "quellRegisterRayTracing.h"
+#include "quellRegisterTemporal.h"
+#include "vtkSMPTools.h"
+
+#include <CLI/CLI.hpp>
+#include <tbb/global_control.h>
+
+#include <cstdio>
+#include <exception>
+#include <memory>
+
+namespace quell
+{
+const StageRegistry& AllStages()
+{
+  static const StageRegistry registry = [] {
+    StageRegistry r;
+    RegisterRayTracingStages(r);
+    RegisterDenoisingStages(r);
+    RegisterTemporalStages(r);
+    RegisterImageIOStages(r);
+    RegisterColorStages(r);
+    RegisterMetricsStages(r);
+    return r;
+  }();
+  return registry;
+}
+
+std::pair<std::string, std::string> Assignment(const std::string& text, const std::string& option)
+{
+  const std::size_t at = text.find('=');
+  if (at == std::string::npos || at == 0)
+  {
+    throw UsageError(option + " " + text + ": not of the form name=value");
+  }
+  return { text.substr(0, at), text.substr(at + 1) };
+}
+}
+
+namespace
+{
+void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
+{
+  app->add_option("FILE", a.File, "Pipeline file")->required();
+  app->add_option("-D", a.Defines, "Give a variable of the file another value")->type_name("NAME=VALUE")->allow_extra_args(false);
+  app->add_option("--set", a.Sets, "Set a node's property; inner nodes as indirect/atrous.PhiColor")
+    ->type_name("NODE.PROPERTY=VALUE")
+    ->allow_extra_args(false);
+  app->add_option("--seed", a.Seed, "Set the property Seed of every node that has one")->type_name("N");
+  app->add_option("--frames", a.Frames, "Frames A up to but not B; N alone is one frame")->type_name("A:B");
+  app->add_option("--region", a.Region, "Part of the frame: pixels from the top left corner, half open")
+    ->type_name("X0,Y0,X1,Y1");
+  app->add_option("--output", a.Outputs, "Write an output, or any array as NODE:ARRAY, to a file")
+    ->type_name("NAME=FILE")
+    ->allow_extra_args(false);
+  app->add_option("--out", a.OutputDirectory, "Directory for relative output files")->type_name("DIR");
+}
+}
+
+int main(int argc, char** argv)
+{
+  CLI::App app("Quell: node-graph image pipelines that turn noisy path-traced frames into clean ones.", "quell");
+  app.set_version_flag("--version", "quell " QUELL_VERSION);
+  app.require_subcommand(1);
+  app.failure_message(CLI::FailureMessage::simple);
+
+  quell::RunArguments run;
+  int threads = 0;
+  CLI::App* runApp = app.add_subcommand("run", "Run a pipeline");
+  AddPipelineOptions(runApp, run);
+  runApp->add_option("--threads", threads, "Threads to use; all when not given")->type_name("N")->check(CLI::Range(1, 4096));
+  runApp->add_option("--stats", run.Stats, "Write counters and seconds of every node as JSON")->type_name("FILE.json");
+  runApp->add_flag("--quiet", run.Quiet, "No progress");
+
+  quell::ExplainArguments explain;
+  CLI::App* explainApp = app.add_subcommand("explain", "Say what a run would do, and do nothing");
+  AddPipelineOptions(explainApp, explain);
+  CLI::Option* dot = explainApp->add_flag("--dot", explain.Dot, "As a Graphviz graph");
+  explainApp->add_flag("--json", explain.Json, "As JSON")->excludes(dot);
+
+  std::string checked;
+  CLI::App* checkApp = app.add_subcommand("check", "Report every mistake of a pipeline file");
+  checkApp->add_option("FILE", checked, "Pipeline file")->required();
+
+  quell::NodesArguments nodes;
+  CLI::App* nodesApp = app.add_subcommand("nodes", "List stage types, or describe one");
+  nodesApp->add_option("TYPE", nodes.Type, "Stage type");
+  CLI::Option* markdown = nodesApp->add_flag("--markdown", nodes.Markdown, "Reference as Markdown");
+  CLI::Option* xsd = nodesApp->add_flag("--xsd", nodes.Xsd, "XML Schema of pipeline files")->excludes(markdown);
+  nodesApp->add_flag("--json", nodes.Json, "As JSON")->excludes(markdown)->excludes(xsd);
+
+  std::string inspected;
+  bool inspectJson = false;
+  CLI::App* inspectApp = app.add_subcommand("inspect", "Layers of an image file: roles, ranges, non-finite pixels");
+  inspectApp->add_option("FILE", inspected, "Image file")->required();
+  inspectApp->add_flag("--json", inspectJson, "As JSON");
+
+  quell::CompareArguments compare;
+  CLI::App* compareApp = app.add_subcommand("compare", "Errors of an image against a reference");
+  compareApp->add_option("TEST", compare.Test, "Image file")->required();
+  compareApp->add_option("REFERENCE", compare.Reference, "Image file")->required();
+  compareApp->add_option("--layer", compare.Layer, "Array to compare, default radiance")->type_name("L");
+  compareApp->add_option("--metric", compare.Metrics, "Metric to compute; may be given several times")
+    ->type_name("NAME")
+    ->allow_extra_args(false);
+  compareApp->add_option("--max", compare.Maxima, "Exit with status 3 when a metric is above this")
+    ->type_name("NAME=VALUE")
+    ->allow_extra_args(false);
+  compareApp->add_flag("--json", compare.Json, "As JSON");
+  compareApp->add_option("--map", compare.Map, "Write the first metric's value of each pixel as a picture")->type_name("OUT.png");
+
+  try
+  {
+    app.parse(argc, argv);
+  }
+  catch (const CLI::ParseError& e)
+  {
+    return app.exit(e) == 0 ? quell::ExitDone : quell::ExitUsage;
+  }
+
+  // Embree and VTK share TBB's pool.
+  std::unique_ptr<tbb::global_control> limit;
+  if (threads > 0)
+  {
+    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, std::size_t(threads));
+    vtkSMPTools::Initialize(threads);
+  }
+  try
+  {
+    if (*runApp)
+    {
+      return quell::RunCommand(run);
+    }
+    if (*explainApp)
+    {
+      return quell::ExplainCommand(explain);
+    }
+    if (*checkApp)
+    {
+      return quell::CheckCommand(checked);
+    }
+    if (*nodesApp)
+    {
+      return quell::NodesCommand(nodes);
+    }
+    if (*inspectApp)
+    {
+      return quell::InspectCommand(inspected, inspectJson);
+    }
+    return quell::CompareCommand(compare);
+  }
+  catch (const quell::UsageError& e)
+  {
+    std::fprintf(stderr, "quell: error: %s\n", e.what());
+    return quell::ExitUsage;
+  }
+  catch (const std::exception& e)
+  {
+    std::fprintf(stderr, "quell: error: %s\n", e.what());
+    return quell::ExitFailed;
+  }
+}

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellCommands_h
+#define quellCommands_h
+
+#include "quellGraph.h"
+#include "quellPipelineExecutor.h"
+#include "quellStageRegistry.h"
+
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace quell
+{
+/// The program's exit statuses; scripts depend on them.
+enum ExitStatus
+{
+  ExitDone = 0,
+  ExitFailed = 1,
+  ExitUsage = 2,
+  ExitExceeded = 3,
+  ExitInterrupted = 130
+};
+
+/// A command line that cannot be obeyed: printed as `quell: error: ...`, exit status 2.
+struct UsageError : std::runtime_error
+{
+  using std::runtime_error::runtime_error;
+};
+
+/// What run and explain take alike.
+struct PipelineArguments
+{
+  std::string File;
+  std::vector<std::string> Defines, Sets, Outputs;
+  std::optional<long long> Seed;
+  std::string Frames, Region, OutputDirectory;
+};
+struct RunArguments : PipelineArguments
+{
+  std::string Stats;
+  bool Quiet = false;
+};
+struct ExplainArguments : PipelineArguments
+{
+  bool Dot = false, Json = false;
+};
+struct NodesArguments
+{
+  std::string Type;
+  bool Markdown = false, Xsd = false, Json = false;
+};
+struct CompareArguments
+{
+  std::string Test, Reference, Layer, Map;
+  std::vector<std::string> Metrics, Maxima;
+  bool Json = false;
+};
+
+/// Every stage type of this program.
+const StageRegistry& AllStages();
+
+int RunCommand(const RunArguments& arguments);
+int ExplainCommand(const ExplainArguments& arguments);
+int CheckCommand(const std::string& file);
+int NodesCommand(const NodesArguments& arguments);
+int CompareCommand(const CompareArguments& arguments);
+int InspectCommand(const std::string& file, bool json);
+
+/// "name=value" at the first `=`; throws UsageError naming `option`.
+std::pair<std::string, std::string> Assignment(const std::string& text, const std::string& option);
+
+/// A pipeline loaded for a run: graph, executor, frames, region. Diagnostics go to stderr.
+struct PreparedRun
+{
+  std::shared_ptr<Graph> Pipeline;
+  std::unique_ptr<PipelineExecutor> Executor;
+  std::optional<DisplayRegion> Region;
+  int First = 0, End = 1;
+};
+/// False after an error that is already printed (exit status 2). Throws UsageError.
+bool PrepareRun(const PipelineArguments& arguments, PreparedRun& run);
+}
+
+#endif

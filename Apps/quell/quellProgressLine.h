@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellProgressLine_h
+#define quellProgressLine_h
+
+#include <chrono>
+#include <string>
+
+namespace quell
+{
+/// One line on stderr that is drawn over and over: a bar, the frame, the time left. Where stderr is no terminal, one plain
+/// line per frame instead.
+class ProgressLine
+{
+public:
+  ProgressLine(int frames, bool quiet);
+  ~ProgressLine();
+
+  /// `done` of the current frame, in [0, 1]; `what` is being worked on.
+  void Update(int framesDone, double done, const std::string& what);
+  void FrameDone(int tick, int framesDone, double seconds);
+  /// Removes the bar, so that other lines can be printed.
+  void Clear();
+
+private:
+  int Frames;
+  bool Bar = false, Lines = false, Drawn = false;
+  std::chrono::steady_clock::time_point Start, Last;
+};
+
+/// "0.4 s", "12 s", "3 min 20 s", "2 h 5 min".
+std::string DurationText(double seconds);
+}
+
+#endif

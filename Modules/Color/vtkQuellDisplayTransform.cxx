@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkQuellDisplayTransform.h"
+
+#include "vtkObjectFactory.h"
+
+#include <OpenColorIO/OpenColorIO.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <dlfcn.h>
+#include <filesystem>
+
+namespace fs = std::filesystem;
+namespace OCIO = OCIO_NAMESPACE;
+
+namespace
+{
+/// Beyond this any view shows its white; OpenColorIO's own arithmetic fails far above.
+constexpr float LargestValue = 65504.f;
+
+std::string Listed(const std::vector<std::string>& names)
+{
+  std::string text;
+  for (const std::string& n : names)
+    text += (text.empty() ? "\"" : ", \"") + n + "\"";
+  return text.empty() ? "none" : text;
+}
+
+/// `name` if it is there, the default for an empty one, else an error with a hint.
+std::string Choose(const char* what, const std::string& name, const std::vector<std::string>& names,
+  const std::string& fallback, const std::string& path)
+{
+  if (name.empty())
+    return fallback;
+  if (std::find(names.begin(), names.end(), name) != names.end())
+    return name;
+  const std::string near = quell::NearestName(name, names);
+  throw quell::StageError("\"" + path + "\" has no " + what + " \"" + name + "\"; " +
+    (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "it has " + Listed(names));
+}
+
+bool IsFinite(const float* v)
+{
+  return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
+}
+
+/// Mean of the finite neighbours in a fixed order, so that tiles and regions agree in every bit.
+void FillFromNeighbours(const quell::ImageIn& image, int x, int y, float out[3])
+{
+  double sum[3] = { 0, 0, 0 };
+  int n = 0;
+  for (int dy = -1; dy <= 1; ++dy)
+    for (int dx = -1; dx <= 1; ++dx)
+      if (image.inside(x + dx, y + dy) && IsFinite(image.at(x + dx, y + dy)))
+      {
+        for (int c = 0; c < 3; ++c)
+          sum[c] += image.at(x + dx, y + dy)[c];
+        ++n;
+      }
+  for (int c = 0; c < 3; ++c)
+    out[c] = n ? float(sum[c] / n) : 0.f;
+}
+}
+
+struct vtkQuellDisplayTransform::Internals
+{
+  std::string Key;
+  fs::file_time_type Written;
+  OCIO::ConstCPUProcessorRcPtr Processor;
+};
+
+vtkStandardNewMacro(vtkQuellDisplayTransform);
+QUELL_STAGE_DESCRIPTION(vtkQuellDisplayTransform)
+
+vtkQuellDisplayTransform::vtkQuellDisplayTransform()
+  : Data(new Internals)
+{
+  this->InitializePorts();
+}
+vtkQuellDisplayTransform::~vtkQuellDisplayTransform() = default;
+
+void vtkQuellDisplayTransform::Describe(quell::StageDescription& d)
+{
+  using Self = vtkQuellDisplayTransform;
+  d.Category = "Color";
+  d.Brief = "Linear radiance to display values through an OpenColorIO view.";
+  d.Details =
+    "display = clamp(view(radiance 2^Exposure), 0, 1), the view applied to the configuration's `scene_linear` role.\n\n"
+    "Pixels that are not finite are replaced by the mean of their finite neighbours (3 x 3, inside the frame; 0 when there are "
+    "none) and counted, and values are clamped to +-65504 before OpenColorIO, which would turn them into black or NaN.\n\n"
+    "The shipped configuration has one display, `sRGB`, with the views `ACES-like` (Narkowicz's 2016 fit to the ACES tone "
+    "curve), `sRGB` (the encoding alone) and `Raw` (no transform).";
+  d.Input("radiance", quell::ArrayKind::Color, "radiance", "linear, Rec. 709 primaries in the shipped configuration");
+  d.Output("display", quell::ArrayKind::Display, "encoded for the display, in [0, 1]");
+  QUELL_PATH(d, Config, "OpenColorIO configuration (OpenColorIO 2.1); empty: the shipped one");
+  QUELL_STRING(d, Display, "display of the configuration; empty: its default");
+  QUELL_STRING(d, View, "view of that display; empty: its default");
+  QUELL_DOUBLE(d, Exposure, "stops", "gain before the view, 2^Exposure");
+}
+
+void vtkQuellDisplayTransform::SetText(std::string& member, const std::string& value)
+{
+  if (member == value)
+    return;
+  member = value;
+  this->Modified();
+}
+void vtkQuellDisplayTransform::SetConfig(const std::string& path)
+{
+  this->SetText(this->Config, path);
+}
+void vtkQuellDisplayTransform::SetDisplay(const std::string& name)
+{
+  this->SetText(this->Display, name);
+}
+void vtkQuellDisplayTransform::SetView(const std::string& name)
+{
+  this->SetText(this->View, name);
+}
+
+int vtkQuellDisplayTransform::HaloFor(int) const
+{
+  return 1;
+}
+
+std::string vtkQuellDisplayTransform::ShippedConfig()
+{
+  std::vector<fs::path> places;
+  if (const char* dir = std::getenv("QUELL_DATA_DIR"))
+    places.push_back(fs::path(dir) / "Color/config.ocio");
+  Dl_info library;
+  if (dladdr(reinterpret_cast<void*>(&vtkQuellDisplayTransform::ShippedConfig), &library) && library.dli_fname)
+  {
+    std::error_code ec;
+    const fs::path dir = fs::weakly_canonical(library.dli_fname, ec).parent_path();
+    // <prefix>/lib or <prefix>/lib/<architecture>
+    places.push_back(dir.parent_path() / "share/quell/Color/config.ocio");
+    places.push_back(dir.parent_path().parent_path() / "share/quell/Color/config.ocio");
+  }
+  places.push_back(fs::path(QUELL_SOURCE_DATA_DIR) / "Color/config.ocio");
+  std::vector<std::string> tried;
+  for (const fs::path& place : places)
+  {
+    std::error_code ec;
+    if (fs::is_regular_file(place, ec))
+      return place.string();
+    tried.push_back(place.string());
+  }
+  throw quell::StageError(
+    "the shipped colour configuration is missing; set Config, or QUELL_DATA_DIR to Quell's data directory (looked for " +
+    Listed(tried) + ")");
+}
+
+void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
+{
+  const std::string path = this->Config.empty() ? ShippedConfig() : this->Config;
+  std::error_code ec;
+  if (!fs::is_regular_file(path, ec))
+    throw quell::StageError("there is no colour configuration \"" + path + "\"; check Config, or leave it empty for the shipped one");
+  const std::string key = path + "\n" + this->Display + "\n" + this->View;
+  const auto written = fs::last_write_time(path, ec);
+  if (!this->Data->Processor || this->Data->Key != key || this->Data->Written != written)
+  {
+    this->Data->Processor.reset();
+    try
+    {
+      const OCIO::ConstConfigRcPtr config = OCIO::Config::CreateFromFile(path.c_str());
+      std::vector<std::string> displays, views;
+      for (int i = 0; i < config->getNumDisplays(); ++i)
+        displays.push_back(config->getDisplay(i));
+      const std::string display = Choose("display", this->Display, displays, config->getDefaultDisplay(), path);
+      for (int i = 0; i < config->getNumViews(display.c_str()); ++i)
+        views.push_back(config->getView(display.c_str(), i));
+      const std::string view =
+        Choose("view", this->View, views, config->getDefaultView(display.c_str()), path);
+      OCIO::DisplayViewTransformRcPtr transform = OCIO::DisplayViewTransform::Create();
+      transform->setSrc(OCIO::ROLE_SCENE_LINEAR);
+      transform->setDisplay(display.c_str());
+      transform->setView(view.c_str());
+      // Lossless: the default set replaces powers and logarithms by approximations.
+      this->Data->Processor = config->getProcessor(transform)->getOptimizedCPUProcessor(
+        OCIO::BIT_DEPTH_F32, OCIO::BIT_DEPTH_F32, OCIO::OPTIMIZATION_LOSSLESS);
+    }
+    catch (const OCIO::Exception& e)
+    {
+      std::string text = e.what();
+      std::replace(text.begin(), text.end(), '\n', ' ');
+      throw quell::StageError("cannot use the colour configuration \"" + path + "\": " + text + "; OpenColorIO " +
+        OCIO::GetVersion() + " reads configurations up to its own version, leave Config empty for the shipped one");
+    }
+    this->Data->Key = key;
+    this->Data->Written = written;
+  }
+
+  const quell::ImageIn in = frame.Input(0);
+  const quell::Rect region = frame.Region().clipped(in.extent);
+  long long bad = 0;
+  int firstX = 0, firstY = 0;
+  for (int y = region.y0; y < region.y1; ++y)
+    for (int x = region.x0; x < region.x1; ++x)
+      if (!IsFinite(in.at(x, y)) && bad++ == 0)
+      {
+        firstX = x;
+        firstY = y;
+      }
+  this->Counters.NonFinite += bad;
+  if (bad)
+    this->Warnings.push_back(std::to_string(bad) + " pixels of radiance are not finite, the first at (" +
+      std::to_string(firstX) + ", " + std::to_string(firstY) + ") from the bottom left; filled from neighbours");
+}
+
+void vtkQuellDisplayTransform::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
+{
+  const quell::ImageIn in = frame.Input(0);
+  const quell::ImageOut out = frame.Output("display");
+  if (!in || !out)
+    return;
+  const float gain = float(std::exp2(this->Exposure));
+  for (int y = tile.y0; y < tile.y1; ++y)
+  {
+    for (int x = tile.x0; x < tile.x1; ++x)
+    {
+      const float* v = in.at(x, y);
+      float filled[3];
+      if (!IsFinite(v))
+      {
+        FillFromNeighbours(in, x, y, filled);
+        v = filled;
+      }
+      for (int c = 0; c < 3; ++c)
+        out.at(x, y)[c] = std::min(LargestValue, std::max(-LargestValue, v[c] * gain));
+    }
+    OCIO::PackedImageDesc row(out.at(tile.x0, y), tile.width(), 1, 3);
+    this->Data->Processor->apply(row);
+    for (float* v = out.at(tile.x0, y); v < out.at(tile.x0, y) + 3 * tile.width(); ++v)
+      *v = std::isfinite(*v) ? std::min(1.f, std::max(0.f, *v)) : 0.f;
+  }
+}

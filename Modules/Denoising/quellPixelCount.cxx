@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellPixelCount.h"
+
+void quell::PixelCount::Report(StageCounters& counters, std::vector<std::string>& warnings, const char* what) const
+{
+  const std::int64_t n = this->Pixels;
+  if (n == 0)
+    return;
+  counters.NonFinite += n;
+  warnings.push_back(std::to_string(n) + (n == 1 ? " pixel" : " pixels") + " of " + what +
+    (n == 1 ? " was" : " were") + " not finite and filled from finite neighbours");
+}

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellPixelCount_h
+#define quellPixelCount_h
+
+#include "vtkQuellDenoisingModule.h"
+#include "vtkQuellStage.h"
+
+#include <atomic>
+
+namespace quell
+{
+/// Non-finite pixels met by one execution; tiles add concurrently.
+class VTKQUELLDENOISING_EXPORT PixelCount
+{
+public:
+  void Reset() { this->Pixels = 0; }
+  void Add(std::int64_t pixels) const { this->Pixels += pixels; }
+  /// Adds to the stage's counters, and one sentence to its warnings when there were any.
+  void Report(StageCounters& counters, std::vector<std::string>& warnings, const char* what) const;
+
+private:
+  mutable std::atomic<std::int64_t> Pixels{ 0 };
+};
+
+/// Uninitialised floats that grow and are kept: fresh memory costs more than a filter pass (its pages are touched twice).
+class VTKQUELLDENOISING_EXPORT Scratch
+{
+public:
+  float* Take(std::size_t count)
+  {
+    if (count > this->Size)
+    {
+      this->Data.reset(new float[count]);
+      this->Size = count;
+    }
+    return this->Data.get();
+  }
+
+private:
+  std::unique_ptr<float[]> Data;
+  std::size_t Size = 0;
+};
+}
+
+#endif

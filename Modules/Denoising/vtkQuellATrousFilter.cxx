@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkQuellATrousFilter.h"
+
+#include "quellATrous.h"
+#include "vtkObjectFactory.h"
+
+#include <cmath>
+#include <vector>
+
+vtkStandardNewMacro(vtkQuellATrousFilter);
+QUELL_STAGE_DESCRIPTION(vtkQuellATrousFilter)
+
+namespace
+{
+enum Ports
+{
+  Radiance,
+  Variance,
+  Depth,
+  Normal,
+  Id
+};
+constexpr int RowsPerTask = 16;
+}
+
+void vtkQuellATrousFilter::Describe(quell::StageDescription& d)
+{
+  using Self = vtkQuellATrousFilter;
+  d.Category = "Denoising";
+  d.Brief = "Edge-avoiding a-trous wavelet filter, guided by variance, depth and normals (SVGF).";
+  d.Details =
+    "`Iterations` passes of the 5 x 5 B3 spline kernel with steps 1, 2, 4 ... Each tap is weighted by "
+    "`exp(-|dz| / (SigmaDepth |slope . dq| + DepthEpsilon z))`, `max(0, n.n')^SigmaNormal` and "
+    "`exp(-|dl| / (SigmaLuminance sqrt(g) + LuminanceEpsilon (1 + l)))`, g being the variance blurred over 3 x 3 pixels. "
+    "The variance is filtered with the squared weights; it tightens the luminance weight from pass to pass and is no error bar. "
+    "Without `variance` the luminance tolerance is `SigmaColor`, halved in every pass. Taps outside the image, not finite, of "
+    "another id or without a hit have weight 0; a non-finite pixel becomes the weighted mean of its neighbours; background "
+    "passes through. Sources: Schied et al. 2017; Dammertz et al. 2010.";
+  d.Input("radiance", quell::ArrayKind::Color, "radiance", "what is filtered; illumination rather than radiance");
+  d.OptionalInput("variance", quell::ArrayKind::Variance, "variance", "variance of its luminance");
+  d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "guide");
+  d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "guide");
+  d.OptionalInput("id", quell::ArrayKind::Id, "id", "never mixes pixels of different ids");
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
+  d.Output("variance", quell::ArrayKind::Variance, "the propagated variance");
+  d.Output("feedback", quell::ArrayKind::Color, "the colour after pass FeedbackIteration");
+  QUELL_INT(d, Iterations, "passes", "0: identity; the region grows by 2 (2^Iterations - 1) pixels");
+  QUELL_DOUBLE(d, SigmaDepth, "", "depth tolerance in units of the local slope");
+  QUELL_DOUBLE(d, SigmaNormal, "", "exponent of the cosine between normals; 0: normals do not matter");
+  QUELL_DOUBLE(d, SigmaLuminance, "", "luminance tolerance in standard deviations");
+  QUELL_DOUBLE(d, SigmaColor, "", "luminance tolerance of the first pass where no variance is connected");
+  QUELL_INT(d, FeedbackIteration, "passes", "after which pass output feedback is taken; 0: the input");
+  QUELL_DOUBLE(d, DepthEpsilon, "", "depth tolerance without slope, relative to depth");
+  QUELL_DOUBLE(d, LuminanceEpsilon, "", "luminance tolerance without variance, relative to 1 + luminance");
+}
+
+vtkQuellATrousFilter::vtkQuellATrousFilter()
+{
+  this->InitializePorts();
+}
+
+int vtkQuellATrousFilter::HaloFor(int port) const
+{
+  const int halo = std::max(1, quell::ATrousHalo(this->Iterations));
+  return port == Variance ? halo + 1 : halo; // a variance that is not a number is filled from its neighbours
+}
+
+void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
+{
+  const quell::Rect region = frame.Region();
+  const quell::ImageIn color = frame.Input(Radiance), variance = frame.Input(Variance);
+  const quell::ImageIn depth = frame.Input(Depth), normal = frame.Input(Normal), id = frame.Input(Id);
+  const quell::ImageOut colorOut = frame.Output("radiance"), varianceOut = frame.Output("variance");
+  const quell::ImageOut feedbackOut = frame.Output("feedback");
+  if (varianceOut && !variance)
+    this->Warnings.push_back("output variance is 0 because input variance is not connected");
+
+  const int feedbackAfter = std::min(this->FeedbackIteration, this->Iterations);
+  const int passes = colorOut || varianceOut ? this->Iterations : feedbackAfter;
+  // regions[k]: what pass k reads. The large steps come last, so the region shrinks slowly at first.
+  std::vector<quell::Rect> regions(passes + 1);
+  regions[passes] = region;
+  for (int k = passes - 1; k >= 0; --k)
+    regions[k] = regions[k + 1].grown(2 << k).clipped(frame.Whole());
+  const quell::Rect read = regions[0];
+
+  quell::ATrousPass pass;
+  quell::PlaneLayout& layout = pass.guides.layout;
+  layout = quell::PlaneLayout(read, std::max(1, passes ? 2 << (passes - 1) : 1));
+  float* next = this->Planes.Take(layout.size() * 17);
+  const auto plane = [&next, &layout](bool used) {
+    float* p = used ? next : nullptr;
+    next += used ? layout.size() : 0;
+    return p;
+  };
+  pass.guides.depth = plane(true);
+  pass.guides.slopeX = plane(true);
+  pass.guides.slopeY = plane(true);
+  for (float*& p : pass.guides.normal)
+    p = plane(bool(normal));
+  pass.guides.id = plane(bool(id));
+  for (quell::ColorPlanes* planes : { &pass.in, &pass.out })
+  {
+    for (float*& p : planes->color)
+      p = plane(true);
+    planes->luminance = plane(true);
+    planes->variance = plane(bool(variance));
+  }
+  pass.sigmaDepth = float(this->SigmaDepth);
+  pass.sigmaNormal = float(this->SigmaNormal);
+  pass.sigmaLuminance = float(this->SigmaLuminance);
+  pass.depthEpsilon = float(this->DepthEpsilon);
+  pass.luminanceEpsilon = float(this->LuminanceEpsilon);
+
+  this->NonFinite.Reset();
+  const auto rows = [this](const quell::Rect& r, auto&& body) {
+    this->ForEachTile({ 0, r.y0, 1, r.y1 }, RowsPerTask, [&body](const quell::Rect& strip) { body(strip.y0, strip.y1); });
+  };
+  rows(read, [&](int y0, int y1) {
+    quell::CopyGuides(depth, normal, id, pass.guides, y0, y1);
+    this->NonFinite.Add(quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, region));
+    quell::ClearPadding(layout, pass.out, y0, y1);
+  });
+  rows(read, [&](int y0, int y1) { quell::CopySlopes(pass.guides, y0, y1); });
+
+  const auto store = [&](const quell::ImageOut& toColor, const quell::ImageOut& toVariance) {
+    rows(region, [&](int y0, int y1) {
+      quell::StoreFiltered(
+        pass.guides, pass.in, color, variance, toColor, toVariance, { region.x0, y0, region.x1, y1 });
+    });
+  };
+  if (feedbackOut && feedbackAfter == 0)
+    store(feedbackOut, quell::ImageOut());
+  for (int k = 0; k < passes; ++k)
+  {
+    pass.step = 1 << k;
+    pass.fixedSigma = float(std::ldexp(this->SigmaColor, -k));
+    const quell::Rect made = regions[k + 1];
+    // A task takes every step-th row, so that the five rows of a pixel's taps stay in the cache for the next row.
+    const int tasksPerPhase = (made.height() + pass.step * RowsPerTask - 1) / (pass.step * RowsPerTask);
+    this->ForEachTile({ 0, 0, pass.step * tasksPerPhase, 1 }, 1, [&](const quell::Rect& task) {
+      const int phase = task.x0 / tasksPerPhase, first = task.x0 % tasksPerPhase * RowsPerTask;
+      for (int i = first; i < first + RowsPerTask; ++i)
+      {
+        const int y = made.y0 + phase + i * pass.step;
+        if (y < made.y1)
+          quell::ATrousRow(pass, y, made.x0, made.x1);
+      }
+    });
+    this->Counters.Taps += made.area() * 25;
+    std::swap(pass.in, pass.out);
+    if (feedbackOut && k + 1 == feedbackAfter)
+      store(feedbackOut, quell::ImageOut());
+  }
+  if (colorOut || varianceOut)
+    store(colorOut, varianceOut);
+  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+}

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellRegisterMetrics.h"
+
+#include "quellStageRegistry.h"
+#include "vtkQuellCompareImages.h"
+
+namespace quell
+{
+void RegisterMetricsStages(StageRegistry& registry)
+{
+  registry.Add<vtkQuellCompareImages>();
+}
+}

@@ -1,0 +1,363 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellExplain.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <set>
+
+namespace quell
+{
+namespace
+{
+std::string Joined(const std::vector<std::string>& names)
+{
+  std::string text;
+  for (const std::string& n : names)
+  {
+    text += (text.empty() ? "" : ", ") + n;
+  }
+  return text;
+}
+
+std::string RegionText(const Rect& r, int height)
+{
+  return std::to_string(r.x0) + "," + std::to_string(height - r.y1) + "," + std::to_string(r.x1) + "," +
+    std::to_string(height - r.y0);
+}
+
+std::string BytesText(double bytes)
+{
+  const char* const units[] = { "B", "kB", "MB", "GB" };
+  int u = 0;
+  while (bytes >= 1000 && u < 3)
+  {
+    bytes /= 1000;
+    ++u;
+  }
+  char text[48];
+  std::snprintf(text, sizeof text, u ? "%.1f %s" : "%.0f %s", bytes, units[u]);
+  return text;
+}
+
+std::string DotQuoted(const std::string& s)
+{
+  std::string out = "\"";
+  for (char c : s)
+  {
+    if (c == '"' || c == '\\')
+    {
+      out += '\\';
+    }
+    out += c;
+  }
+  return out + "\"";
+}
+}
+
+int WarmUpFrames(const PipelineExecutor& executor, int first)
+{
+  return executor.HasDelays() ? std::max(0, first - executor.GetGraph().Ticks.First) : 0;
+}
+
+ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end)
+{
+  const Graph& graph = executor.GetGraph();
+  ExecutionPlan plan;
+  plan.File = graph.Document->File;
+  plan.Ticks = graph.Ticks;
+  plan.FirstTick = first;
+  plan.EndTick = end;
+  plan.WarmUp = WarmUpFrames(executor, first);
+  plan.Variables.assign(graph.Variables.begin(), graph.Variables.end());
+  for (const GraphOutput& o : graph.Outputs)
+  {
+    plan.Outputs.push_back({ o.Name, graph.Nodes[std::size_t(o.Node)].Path + ":" + o.Array, o.File, o.EveryFrame() });
+  }
+  const std::vector<bool>& live = executor.LiveNodes();
+  for (std::size_t n = 0; n < graph.Nodes.size(); ++n)
+  {
+    if (!live[n])
+    {
+      plan.LeftOut.emplace_back("node " + Quoted(graph.Nodes[n].Path) + " (" + graph.Nodes[n].Type + ")",
+        "no output that is written needs it");
+    }
+  }
+
+  struct Demand
+  {
+    ArraySet Asked;
+    Rect Region;
+    bool Any = false;
+  };
+  std::vector<Demand> demand(graph.Nodes.size());
+  std::vector<Rect> wholes(graph.Nodes.size());
+  for (int n : graph.Order)
+  {
+    if (!live[std::size_t(n)])
+    {
+      continue;
+    }
+    int width = 0, height = 0;
+    if (!executor.FrameSize(graph.Nodes[std::size_t(n)].Path, width, height, plan.Error))
+    {
+      return plan;
+    }
+    wholes[std::size_t(n)] = { 0, 0, width, height };
+  }
+  for (const PipelineExecutor::Target& t : executor.Targets())
+  {
+    Demand& d = demand[std::size_t(t.Node)];
+    const Rect& whole = wholes[std::size_t(t.Node)];
+    plan.Width = std::max(plan.Width, whole.width());
+    plan.Height = std::max(plan.Height, whole.height());
+    d.Asked.insert(t.Arrays.begin(), t.Arrays.end());
+    d.Region = d.Region.united(region && !t.Whole ? region->ToFrame(whole.height()).clipped(whole) : whole);
+    d.Any = true;
+  }
+  for (const auto& k : executor.KeptArrays())
+  {
+    Demand& d = demand[std::size_t(k.first)];
+    d.Asked.insert(k.second.begin(), k.second.end());
+    d.Region = wholes[std::size_t(k.first)];
+    d.Any = true;
+  }
+
+  for (auto at = graph.Order.rbegin(); at != graph.Order.rend(); ++at)
+  {
+    const std::size_t n = std::size_t(*at);
+    if (!live[n])
+    {
+      continue;
+    }
+    const GraphNode& node = graph.Nodes[n];
+    vtkQuellStage* stage = executor.GetStage(node.Path);
+    const StageDescription& description = stage->GetDescription();
+    const Demand& d = demand[n];
+    PlannedNode planned;
+    planned.Path = node.Path;
+    planned.Type = node.Type;
+    planned.Region = d.Region;
+    std::vector<OutputArray> own = description.Outputs;
+    try
+    {
+      const std::vector<OutputArray> dynamic = stage->ListDynamicOutputs();
+      own.insert(own.end(), dynamic.begin(), dynamic.end());
+    }
+    catch (const std::exception& e)
+    {
+      planned.Notes.push_back(e.what());
+    }
+    std::set<std::string> made;
+    for (const OutputArray& o : own)
+    {
+      if (!made.insert(o.Name).second)
+      {
+        continue;
+      }
+      if (d.Asked.count(o.Name))
+      {
+        planned.Makes.push_back(o.Name);
+        planned.Bytes += double(d.Region.area()) * std::max(1, o.Components) * double(sizeof(float));
+      }
+      else
+      {
+        planned.LeftOut.push_back(o.Name);
+      }
+    }
+    for (const std::string& name : d.Asked)
+    {
+      if (!made.count(name))
+      {
+        planned.Passes.push_back(name);
+      }
+    }
+    planned.Executes = !planned.Makes.empty() || description.Sink;
+    const auto kept = executor.KeptArrays().find(int(n));
+    if (kept != executor.KeptArrays().end())
+    {
+      planned.Keeps.assign(kept->second.begin(), kept->second.end());
+    }
+    for (const GraphEdge& e : node.Inputs)
+    {
+      PlannedNode::Read read;
+      read.Port = description.Inputs[std::size_t(e.Port)].Name;
+      read.Producer = graph.Nodes[std::size_t(e.Producer)].Path;
+      read.Array = e.Array;
+      read.Delayed = e.Delayed;
+      read.Needed = d.Any && stage->NeedsInput(e.Port, d.Asked);
+      read.Halo = read.Needed ? std::max(0, stage->HaloFor(e.Port)) : 0;
+      planned.Reads.push_back(read);
+      if (e.Delayed)
+      {
+        continue;
+      }
+      // The same rules as vtkQuellStage::RequestUpdateExtent.
+      Demand& up = demand[std::size_t(e.Producer)];
+      const Rect& whole = wholes[std::size_t(e.Producer)];
+      up.Any = true;
+      up.Region = up.Region.united(
+        stage->AllowsOtherExtent(e.Port) ? whole : d.Region.grown(read.Halo).clipped(whole));
+      if (read.Needed)
+      {
+        up.Asked.insert(e.Array);
+      }
+      if (e.Port == 0 && e.Connection == 0)
+      {
+        for (const std::string& name : d.Asked)
+        {
+          if (!description.FindOutput(name))
+          {
+            up.Asked.insert(name);
+          }
+        }
+      }
+    }
+    for (const std::string& line : stage->Explain())
+    {
+      planned.Notes.push_back(line);
+    }
+    for (const Property& p : description.Properties)
+    {
+      const std::string text = p.GetText(stage);
+      if (text != p.DefaultText)
+      {
+        planned.Properties.emplace_back(p.Name, text);
+      }
+    }
+    plan.Nodes.push_back(std::move(planned));
+  }
+  std::reverse(plan.Nodes.begin(), plan.Nodes.end());
+  return plan;
+}
+
+std::string PlanText(const ExecutionPlan& plan)
+{
+  std::string out = plan.File + ": ";
+  const int frames = plan.EndTick - plan.FirstTick;
+  out += frames == 1 ? "frame " + std::to_string(plan.FirstTick)
+                     : "frames " + std::to_string(plan.FirstTick) + " to " + std::to_string(plan.EndTick - 1) + " (" +
+      std::to_string(frames) + " at " + detail::FormatDouble(plan.Ticks.Rate) + " per second)";
+  if (plan.Width > 0)
+  {
+    out += ", " + std::to_string(plan.Width) + " x " + std::to_string(plan.Height) + " pixels";
+  }
+  out += "\n";
+  if (plan.WarmUp > 0)
+  {
+    out += "history: " + std::to_string(plan.WarmUp) +
+      " frames before these are computed and not written, so that the bits are those of a run from the first frame\n";
+  }
+  if (!plan.Variables.empty())
+  {
+    out += "variables:";
+    for (const auto& v : plan.Variables)
+    {
+      out += " " + v.first + "=" + v.second;
+    }
+    out += "\n";
+  }
+  out += "outputs:\n";
+  for (const auto& o : plan.Outputs)
+  {
+    out += "  " + o.Name + " = " + o.From;
+    out += o.File.empty() ? " (no file: not written)"
+                          : " -> " + o.File + (o.EveryFrame ? "" : " (the last frame)");
+    out += "\n";
+  }
+  out += "plan:\n";
+  double pixels = 0, bytes = 0;
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    out += "  " + n.Path + " (" + n.Type + ") region " + RegionText(n.Region, plan.Height);
+    if (!n.Executes)
+    {
+      out += ", passes arrays on";
+    }
+    out += "\n";
+    if (!n.Properties.empty())
+    {
+      out += "    set:";
+      for (const auto& p : n.Properties)
+      {
+        out += " " + p.first + "=" + p.second;
+      }
+      out += "\n";
+    }
+    for (const auto& r : n.Reads)
+    {
+      out += "    " + r.Port + " <- " + r.Producer + ":" + r.Array;
+      if (!r.Needed)
+      {
+        out += ", not needed";
+      }
+      else if (r.Delayed)
+      {
+        out += " of the previous frame";
+      }
+      if (r.Halo > 0)
+      {
+        out += ", halo " + std::to_string(r.Halo);
+      }
+      out += "\n";
+    }
+    if (!n.Makes.empty())
+    {
+      out += "    makes " + Joined(n.Makes) + " (" + BytesText(n.Bytes) + ")\n";
+    }
+    if (!n.Passes.empty())
+    {
+      out += "    passes " + Joined(n.Passes) + "\n";
+    }
+    if (!n.Keeps.empty())
+    {
+      out += "    keeps " + Joined(n.Keeps) + " for the next frame: runs on the whole frame\n";
+    }
+    if (!n.LeftOut.empty())
+    {
+      out += "    not made, nobody reads it: " + Joined(n.LeftOut) + "\n";
+    }
+    for (const std::string& note : n.Notes)
+    {
+      out += "    " + note + "\n";
+    }
+    if (n.Executes)
+    {
+      pixels += double(n.Region.area());
+      bytes += n.Bytes;
+    }
+  }
+  if (!plan.LeftOut.empty())
+  {
+    out += "left out:\n";
+    for (const auto& l : plan.LeftOut)
+    {
+      out += "  " + l.first + ": " + l.second + "\n";
+    }
+  }
+  char cost[160];
+  std::snprintf(cost, sizeof cost, "cost of a frame: %d stages, %.0f stage pixels, %s of arrays\n",
+    int(std::count_if(plan.Nodes.begin(), plan.Nodes.end(), [](const PlannedNode& n) { return n.Executes; })), pixels,
+    BytesText(bytes).c_str());
+  out += cost;
+  return out;
+}
+
+std::string PlanDot(const ExecutionPlan& plan)
+{
+  std::string out = "digraph quell {\n  rankdir=LR;\n  node [shape=box];\n";
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    out += "  " + DotQuoted(n.Path) + " [label=" + DotQuoted(n.Path + " | " + n.Type + " | " + RegionText(n.Region, plan.Height)) +
+      "];\n";
+  }
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    for (const auto& r : n.Reads)
+    {
+      out += "  " + DotQuoted(r.Producer) + " -> " + DotQuoted(n.Path) + " [label=" + DotQuoted(r.Array) +
+        (r.Delayed ? ", style=dashed, constraint=false" : r.Needed ? "" : ", color=gray") + "];\n";
+    }
+  }
+  return out + "}\n";
+}
+}

@@ -1,0 +1,2304 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellGraph.h"
+
+#include "quellPipelineReader.h"
+
+#include <algorithm>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <set>
+#include <system_error>
+
+namespace fs = std::filesystem;
+
+namespace quell
+{
+int Graph::Find(const std::string& path) const
+{
+  for (std::size_t i = 0; i < this->Nodes.size(); ++i)
+  {
+    if (this->Nodes[i].Path == path)
+    {
+      return int(i);
+    }
+  }
+  return -1;
+}
+
+const GraphOutput* Graph::FindOutput(const std::string& name) const
+{
+  for (const GraphOutput& o : this->Outputs)
+  {
+    if (o.Name == name)
+    {
+      return &o;
+    }
+  }
+  return nullptr;
+}
+
+std::vector<OutputArray> Graph::Arrays(int node) const
+{
+  std::vector<OutputArray> arrays;
+  std::set<std::string> seen;
+  std::set<int> visited;
+  for (int at = node; at >= 0 && visited.insert(at).second;)
+  {
+    const GraphNode& n = this->Nodes[std::size_t(at)];
+    std::vector<OutputArray> own = n.Description().Outputs;
+    try
+    {
+      const std::vector<OutputArray> dynamic = n.Stage->ListDynamicOutputs();
+      own.insert(own.end(), dynamic.begin(), dynamic.end());
+    }
+    catch (const std::exception&)
+    {
+      // The stage says so itself when it runs.
+    }
+    for (const OutputArray& a : own)
+    {
+      if (seen.insert(a.Name).second)
+      {
+        arrays.push_back(a);
+      }
+    }
+    int next = -1;
+    for (const GraphEdge& e : n.Inputs)
+    {
+      if (e.Port == 0 && e.Connection == 0 && !e.Delayed)
+      {
+        next = e.Producer;
+      }
+    }
+    at = next;
+  }
+  return arrays;
+}
+
+std::vector<bool> Graph::Needed(const std::vector<int>& targets) const
+{
+  std::vector<bool> needed(this->Nodes.size(), false);
+  std::vector<int> open = targets;
+  while (!open.empty())
+  {
+    const int n = open.back();
+    open.pop_back();
+    if (n < 0 || needed[std::size_t(n)])
+    {
+      continue;
+    }
+    needed[std::size_t(n)] = true;
+    for (const GraphEdge& e : this->Nodes[std::size_t(n)].Inputs)
+    {
+      open.push_back(e.Producer);
+    }
+  }
+  return needed;
+}
+
+namespace
+{
+const std::size_t MaximumText = 65536;  // of one expanded value: variables can double and double again
+const int MaximumDepth = 16;            // of nested instances
+const std::size_t MaximumNodes = 5000;
+
+/// An expanded value and the directory that relative paths in it are seen from.
+struct Value
+{
+  std::string Text, Base;
+  bool Ok = true;
+};
+
+struct Scope
+{
+  std::map<std::string, Value> Values;
+  const Scope* Parent = nullptr;
+
+  const Value* Find(const std::string& name) const
+  {
+    for (const Scope* s = this; s; s = s->Parent)
+    {
+      const auto found = s->Values.find(name);
+      if (found != s->Values.end())
+      {
+        return &found->second;
+      }
+    }
+    return nullptr;
+  }
+  std::vector<std::string> Names() const
+  {
+    std::vector<std::string> names;
+    for (const Scope* s = this; s; s = s->Parent)
+    {
+      for (const auto& v : s->Values)
+      {
+        names.push_back(v.first);
+      }
+    }
+    return names;
+  }
+};
+
+/// Who a message is about.
+struct Who
+{
+  std::string Where;
+  std::vector<std::string> Context;
+  std::string Node;
+};
+
+struct Instance
+{
+  std::string Path;  ///< "" is the top level
+  const PipelineTemplate* Template = nullptr;
+  const PipelineNode* Item = nullptr;  ///< null: a template that nobody instantiates, checked on its own
+  Instance* Parent = nullptr;
+  Scope Parameters;
+  std::vector<std::string> Context;
+  std::string Where;
+  std::vector<std::string> Names;  ///< ids of the nodes and instances in it
+  bool Broken = false;             ///< its template is unknown: say nothing about what refers to it
+
+  std::string Prefix() const { return this->Path.empty() ? std::string() : this->Path + "/"; }
+};
+
+/// A text that names arrays, in the scope it was written in.
+struct Reference
+{
+  const PipelineText* From = nullptr;
+  Instance* In = nullptr;
+  Who About;
+};
+
+struct Endpoint
+{
+  int Node = -1;  ///< -1: unknown because of a mistake already reported
+  std::string Array;
+  Reference Origin;  ///< the innermost text that named the node
+};
+
+const char* const CommandLine = "command line";
+
+template <class F>
+void EachText(const std::vector<PipelineNode>& nodes, const F& visit)
+{
+  for (const PipelineNode& n : nodes)
+  {
+    visit(n.Id);
+    visit(n.Type);
+    for (const PipelineProperty& p : n.Properties)
+    {
+      visit(p.Name);
+      visit(p.Value);
+    }
+    for (const PipelineInput& i : n.Inputs)
+    {
+      visit(i.Port);
+      visit(i.From);
+      visit(i.Delay);
+      for (const PipelineInput::Attribute& a : i.Attributes)
+      {
+        visit(a.Value);
+      }
+    }
+  }
+}
+
+/// Visits every attribute of a document that may hold variables, included files too.
+template <class F>
+void EachText(const PipelineDocument& d, const F& visit)
+{
+  for (const PipelineInclude& i : d.Includes)
+  {
+    if (i.Content)
+    {
+      EachText(*i.Content, visit);
+    }
+  }
+  for (const PipelineVariable& v : d.Variables)
+  {
+    visit(v.Default);
+  }
+  visit(d.Time.First);
+  visit(d.Time.Count);
+  visit(d.Time.Rate);
+  for (const PipelineTemplate& t : d.Templates)
+  {
+    for (const PipelineVariable& v : t.Parameters)
+    {
+      visit(v.Default);
+    }
+    for (const PipelinePort& p : t.Outputs)
+    {
+      visit(p.From);
+    }
+    EachText(t.Nodes, visit);
+  }
+  EachText(d.Nodes, visit);
+  for (const PipelineOutput& o : d.Outputs)
+  {
+    visit(o.From);
+    visit(o.File);
+    visit(o.View);
+    visit(o.Display);
+    for (const PipelineLayer& l : o.Layers)
+    {
+      visit(l.From);
+      visit(l.Name);
+    }
+  }
+}
+
+bool IsName(const std::string& s)
+{
+  if (s.empty() || s.size() > 128)
+  {
+    return false;
+  }
+  for (std::size_t i = 0; i < s.size(); ++i)
+  {
+    const char c = s[i];
+    const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+    if (!letter && (i == 0 || !((c >= '0' && c <= '9') || c == '-')))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+const char* const NameRule = "a name starts with a letter or _ and goes on with letters, digits, _ and -";
+
+std::string KindText(ArrayKind kind, int components)
+{
+  if (kind == ArrayKind::Any && components > 0)
+  {
+    return "an array of " + std::to_string(components) + (components == 1 ? " component" : " components");
+  }
+  return std::string(KindName(kind)) + " (" + KindDoc(kind) + ")";
+}
+
+bool Fits(ArrayKind wanted, const OutputArray& a)
+{
+  if (wanted == ArrayKind::Any)
+  {
+    return true;
+  }
+  if (a.Kind == ArrayKind::Any)
+  {
+    return a.Components <= 0 || a.Components == KindComponents(wanted);
+  }
+  return a.Kind == wanted;
+}
+
+class Builder
+{
+public:
+  Builder(std::shared_ptr<const PipelineDocument> document, const StageRegistry& registry, const GraphOptions& options,
+    Diagnostics& diagnostics)
+    : Document(document), Registry(registry), Options(options), Messages(diagnostics), Result(std::make_shared<Graph>())
+  {
+    this->Result->Document = document;
+    this->Result->Options = options;
+  }
+
+  std::shared_ptr<Graph> Build()
+  {
+    this->CollectVariables();
+    this->CollectTemplates(*this->Document);
+    this->ReadTime();
+    this->Instances.emplace_back();
+    Instance& top = this->Instances.back();
+    top.Parameters.Parent = &this->Globals;
+    std::vector<const PipelineTemplate*> stack;
+    this->Flatten(this->Document->Nodes, top, stack);
+    this->CheckAssignments();
+    this->SetAllProperties(0);
+    this->ResolveInstances(0);
+    this->ConnectAll(0);
+    const std::size_t instances = this->Instances.size();
+    this->BuildOutputs();
+
+    // Templates that nobody instantiates are checked like the others, then dropped.
+    const std::size_t real = this->Result->Nodes.size();
+    this->FlattenUnused();
+    this->SetAllProperties(real);
+    this->ResolveInstances(instances);
+    this->ConnectAll(real);
+    this->CheckArrays();
+    this->CheckCycles();
+    this->Result->Nodes.resize(real);
+    if (!this->Messages.HasErrors())
+    {
+      this->MakeOrder();
+    }
+    this->Warn();
+    return this->Result;
+  }
+
+private:
+  // ---- messages -------------------------------------------------------------------------------------------------
+  void Say(Severity level, const SourceLocation& place, const Who& who, const std::string& what, const std::string& hint = {})
+  {
+    Diagnostic d;
+    d.Level = level;
+    d.Place = place;
+    d.Where = who.Where;
+    d.What = what;
+    d.Hint = hint;
+    d.Context = who.Context;
+    d.Node = who.Node;
+    this->Messages.Add(std::move(d));
+  }
+  void Error(const SourceLocation& place, const Who& who, const std::string& what, const std::string& hint = {})
+  {
+    this->Say(Severity::Error, place, who, what, hint);
+  }
+  static SourceLocation OnCommandLine()
+  {
+    SourceLocation place;
+    place.File = CommandLine;
+    return place;
+  }
+  static std::string NearOr(const std::string& name, const std::vector<std::string>& names, const std::string& label)
+  {
+    const std::string near = DidYouMean(name, names);
+    return near.empty() ? label + Listed(names) : near;
+  }
+
+  // ---- variables ------------------------------------------------------------------------------------------------
+  /// Expands $(name); "$$(" is a literal "$(".
+  Value Expand(const PipelineText& text, const Scope& scope, const Who& who)
+  {
+    Value value;
+    value.Base = text.Place.File == CommandLine ? std::string() : DirectoryOf(text.Place.File);
+    const std::string& s = text.Value;
+    for (std::size_t i = 0; i < s.size();)
+    {
+      if (s.compare(i, 3, "$$(") == 0)
+      {
+        value.Text += "$(";
+        i += 3;
+        continue;
+      }
+      if (s.compare(i, 2, "$(") != 0)
+      {
+        value.Text += s[i++];
+        continue;
+      }
+      const std::size_t end = s.find(')', i);
+      if (end == std::string::npos)
+      {
+        this->Error(text.Place, who, Quoted(s) + " has no \")\" after \"$(\"", "write $$( for a plain $(");
+        value.Ok = false;
+        return value;
+      }
+      const std::string name = s.substr(i + 2, end - i - 2);
+      const Value* variable = this->FindValue(name, scope);
+      if (!variable)
+      {
+        this->Error(text.Place, who, "$(" + Quoted(name).substr(1, Quoted(name).size() - 2) + "): no such variable",
+          this->NearOr(name, this->VariableNames(scope), "variables: "));
+        value.Ok = false;
+        i = end + 1;
+        continue;
+      }
+      value.Ok = value.Ok && variable->Ok;
+      if (i == 0)
+      {
+        value.Base = variable->Base;
+      }
+      value.Text += variable->Text;
+      if (value.Text.size() > MaximumText)
+      {
+        this->Error(text.Place, who, "the value grows beyond " + std::to_string(MaximumText) + " characters");
+        value.Ok = false;
+        value.Text.clear();
+        return value;
+      }
+      i = end + 1;
+    }
+    return value;
+  }
+
+  std::vector<std::string> VariableNames(const Scope& scope) const
+  {
+    std::vector<std::string> names = scope.Names();
+    // While globals are being resolved, those not reached yet count too.
+    for (const auto& d : this->Declared)
+    {
+      if (std::find(names.begin(), names.end(), d->Name.Value) == names.end())
+      {
+        names.push_back(d->Name.Value);
+      }
+    }
+    return names;
+  }
+
+  const Value* FindValue(const std::string& name, const Scope& scope)
+  {
+    if (const Value* v = scope.Find(name))
+    {
+      return v;
+    }
+    const auto declared = this->DeclaredByName.find(name);
+    return declared == this->DeclaredByName.end() ? nullptr : this->ResolveVariable(*declared->second);
+  }
+
+  /// Values are typed so that a wrong -D is reported where it is said, not where it is used.
+  bool CheckType(const std::string& type, const std::string& text, std::string& error) const
+  {
+    long long i = 0;
+    double d = 0;
+    bool b = false;
+    if (type == "int")
+    {
+      return detail::ParseInt(text, -(1LL << 53), 1LL << 53, i, error);
+    }
+    if (type == "double")
+    {
+      return detail::ParseDouble(text, -1e308, 1e308, d, error);
+    }
+    return type != "bool" || detail::ParseBool(text, b, error);
+  }
+
+  static const std::vector<std::string>& VariableTypes()
+  {
+    static const std::vector<std::string> types = { "int", "double", "bool", "string", "path" };
+    return types;
+  }
+
+  const Value* ResolveVariable(const PipelineVariable& v)
+  {
+    const std::string& name = v.Name.Value;
+    const auto known = this->Globals.Values.find(name);
+    if (known != this->Globals.Values.end())
+    {
+      return &known->second;
+    }
+    Who who;
+    who.Where = "variable " + Quoted(name);
+    Value value;
+    if (std::find(this->Resolving.begin(), this->Resolving.end(), name) != this->Resolving.end())
+    {
+      std::string loop;
+      for (auto n = std::find(this->Resolving.begin(), this->Resolving.end(), name); n != this->Resolving.end(); ++n)
+      {
+        loop += *n + " <- ";
+      }
+      this->Error(v.Default.Place, who, "the value depends on itself: " + loop + name);
+      value.Ok = false;
+      return &(this->Globals.Values[name] = value);
+    }
+    if (this->Resolving.size() > 1000)
+    {
+      this->Error(v.Default.Place, who, "variables refer to each other more than 1000 deep");
+      value.Ok = false;
+      return &(this->Globals.Values[name] = value);
+    }
+    this->Resolving.push_back(name);
+    value = this->Expand(v.Default, this->Globals, who);
+    this->Resolving.pop_back();
+    const auto again = this->Globals.Values.find(name);
+    if (again != this->Globals.Values.end())  // found to be part of a loop meanwhile
+    {
+      return &again->second;
+    }
+    value.Ok = value.Ok && v.Default.Given;
+    std::string error;
+    if (value.Ok && !this->CheckType(v.Type.Value, value.Text, error))
+    {
+      this->Error(v.Default.Place, who, "default = " + error);
+      value.Ok = false;
+    }
+    const auto define = this->Defines.find(name);
+    if (define != this->Defines.end())
+    {
+      value = Value();
+      value.Text = define->second;
+      if (!this->CheckType(v.Type.Value, value.Text, error))
+      {
+        who.Where = "-D " + name;
+        this->Error(OnCommandLine(), who, error, "the variable is " + v.Type.Value + ", default " + Quoted(v.Default.Value));
+        value.Ok = false;
+      }
+    }
+    return &(this->Globals.Values[name] = value);
+  }
+
+  void DeclareVariables(const PipelineDocument& d)
+  {
+    for (const PipelineInclude& i : d.Includes)
+    {
+      if (i.Content)
+      {
+        this->DeclareVariables(*i.Content);
+      }
+    }
+    for (const PipelineVariable& v : d.Variables)
+    {
+      if (!v.Name.Given)
+      {
+        continue;
+      }
+      Who who;
+      who.Where = "variable " + Quoted(v.Name.Value);
+      if (!IsName(v.Name.Value))
+      {
+        this->Error(v.Name.Place, who, "not a name", NameRule);
+        continue;
+      }
+      this->CheckTypeName(v.Type, who);
+      const auto known = this->DeclaredByName.find(v.Name.Value);
+      if (known == this->DeclaredByName.end())
+      {
+        this->Declared.push_back(&v);
+        this->DeclaredByName[v.Name.Value] = &v;
+      }
+      else if (known->second->Place.File == v.Place.File || &d != this->Document.get())
+      {
+        this->Error(v.Name.Place, who, "already declared at " + known->second->Place.ToText());
+      }
+      else
+      {
+        // The file that includes a library may give its variables other defaults.
+        *std::find(this->Declared.begin(), this->Declared.end(), known->second) = &v;
+        known->second = &v;
+      }
+    }
+  }
+
+  void CheckTypeName(const PipelineText& type, const Who& who)
+  {
+    const auto& types = VariableTypes();
+    if (type.Given && std::find(types.begin(), types.end(), type.Value) == types.end())
+    {
+      this->Error(type.Place, who, "unknown type " + Quoted(type.Value), this->NearOr(type.Value, types, "types: "));
+    }
+  }
+
+  void CollectVariables()
+  {
+    this->DeclareVariables(*this->Document);
+    for (const auto& define : this->Options.Defines)
+    {
+      if (!this->DeclaredByName.count(define.first))
+      {
+        Who who;
+        who.Where = "-D " + define.first;
+        std::vector<std::string> names;
+        for (const PipelineVariable* v : this->Declared)
+        {
+          names.push_back(v->Name.Value);
+        }
+        this->Error(OnCommandLine(), who, "no such variable", this->NearOr(define.first, names, "variables: "));
+        continue;
+      }
+      this->Defines[define.first] = define.second;
+    }
+    for (const PipelineVariable* v : this->Declared)
+    {
+      const Value* value = this->ResolveVariable(*v);
+      this->Result->Variables[v->Name.Value] = value->Text;
+    }
+  }
+
+  void ReadTime()
+  {
+    const PipelineTime& t = this->Document->Time;
+    Who who;
+    who.Where = "<time>";
+    Timeline ticks;
+    const auto whole = [&](const PipelineText& text, const char* name, long long lo, long long hi, int& out) {
+      if (!text.Given)
+      {
+        return;
+      }
+      const Value v = this->Expand(text, this->Globals, who);
+      long long n = 0;
+      std::string error;
+      if (!v.Ok)
+      {
+        return;
+      }
+      if (detail::ParseInt(v.Text, lo, hi, n, error))
+      {
+        out = int(n);
+      }
+      else
+      {
+        this->Error(text.Place, who, std::string(name) + " = " + error);
+      }
+    };
+    whole(t.First, "first", -100000000, 100000000, ticks.First);
+    whole(t.Count, "count", 1, 10000000, ticks.Count);
+    if (t.Rate.Given)
+    {
+      const Value v = this->Expand(t.Rate, this->Globals, who);
+      std::string error;
+      double rate = 0;
+      if (v.Ok && detail::ParseDouble(v.Text, 1e-6, 1e6, rate, error))
+      {
+        ticks.Rate = rate;
+      }
+      else if (v.Ok)
+      {
+        this->Error(t.Rate.Place, who, "rate = " + error);
+      }
+    }
+    this->Result->Ticks = ticks;
+  }
+
+  // ---- templates and instances ----------------------------------------------------------------------------------
+  void CollectTemplates(const PipelineDocument& d)
+  {
+    for (const PipelineInclude& i : d.Includes)
+    {
+      if (i.Content)
+      {
+        this->CollectTemplates(*i.Content);
+      }
+    }
+    for (const PipelineTemplate& t : d.Templates)
+    {
+      if (!t.Name.Given)
+      {
+        continue;
+      }
+      Who who;
+      who.Where = "template " + Quoted(t.Name.Value);
+      if (!IsName(t.Name.Value))
+      {
+        this->Error(t.Name.Place, who, "not a name", NameRule);
+        continue;
+      }
+      const auto known = this->Templates.find(t.Name.Value);
+      if (known != this->Templates.end())
+      {
+        this->Error(t.Name.Place, who, "already defined at " + known->second->Place.ToText());
+        continue;
+      }
+      this->Templates[t.Name.Value] = &t;
+      std::map<std::string, SourceLocation> names;
+      for (const PipelineVariable& p : t.Parameters)
+      {
+        this->CheckLocalName(p.Name, "parameter", names, who);
+        this->CheckTypeName(p.Type, who);
+      }
+      names.clear();
+      for (const PipelinePort& p : t.Inputs)
+      {
+        this->CheckLocalName(p.Name, "input port", names, who);
+        this->CheckPortKind(p, who);
+      }
+      names.clear();
+      for (const PipelinePort& p : t.Outputs)
+      {
+        this->CheckLocalName(p.Name, "output port", names, who);
+        this->CheckPortKind(p, who);
+      }
+    }
+  }
+
+  void CheckLocalName(
+    const PipelineText& name, const char* what, std::map<std::string, SourceLocation>& names, const Who& who)
+  {
+    if (!name.Given)
+    {
+      return;
+    }
+    if (!IsName(name.Value))
+    {
+      this->Error(name.Place, who, std::string(what) + " " + Quoted(name.Value) + ": not a name", NameRule);
+      return;
+    }
+    const auto added = names.emplace(name.Value, name.Place);
+    if (!added.second)
+    {
+      this->Error(name.Place, who,
+        std::string(what) + " " + Quoted(name.Value) + " is already declared at " + added.first->second.ToText());
+    }
+  }
+
+  /// Kind that a template's port declares, by the name of a kind or of a known array; Any when it declares none.
+  static bool FindKind(const std::string& name, ArrayKind& kind)
+  {
+    for (int k = 0; k <= int(ArrayKind::Any); ++k)
+    {
+      if (name == KindName(ArrayKind(k)))
+      {
+        kind = ArrayKind(k);
+        return true;
+      }
+    }
+    const ArrayType* array = FindArray(name);
+    kind = array ? array->Kind : ArrayKind::Any;
+    return array != nullptr;
+  }
+  static ArrayKind PortKind(const PipelinePort& p)
+  {
+    ArrayKind kind = ArrayKind::Any;
+    if (p.Type.Given)
+    {
+      FindKind(p.Type.Value, kind);
+    }
+    return kind;
+  }
+  void CheckPortKind(const PipelinePort& p, const Who& who)
+  {
+    ArrayKind kind = ArrayKind::Any;
+    if (p.Type.Given && !FindKind(p.Type.Value, kind))
+    {
+      std::vector<std::string> names;
+      for (int k = 0; k <= int(ArrayKind::Any); ++k)
+      {
+        names.push_back(KindName(ArrayKind(k)));
+      }
+      this->Error(p.Type.Place, who, "port " + Quoted(p.Name.Value) + ": unknown type " + Quoted(p.Type.Value),
+        this->NearOr(p.Type.Value, names, "types: "));
+    }
+  }
+
+  /// Takes an id in the scope `in`; false (reported) when it cannot be used.
+  bool TakeId(const PipelineNode& item, Instance& in, std::string& id)
+  {
+    Who who;
+    who.Context = in.Context;
+    who.Where = item.IsInstance ? "instance" : "node";
+    if (!item.Id.Given)
+    {
+      return false;
+    }
+    const Value v = this->Expand(item.Id, in.Parameters, who);
+    if (!v.Ok)
+    {
+      return false;
+    }
+    id = v.Text;
+    if (!IsName(id))
+    {
+      this->Error(item.Id.Place, who, "id " + Quoted(id) + " is not a name", NameRule);
+      return false;
+    }
+    const std::string path = in.Prefix() + id;
+    const auto used = this->Used.emplace(path, item.Place);
+    if (!used.second)
+    {
+      who.Where.clear();
+      this->Error(item.Id.Place, who, "id " + Quoted(id) + " is already used at " + used.first->second.ToText());
+      return false;
+    }
+    in.Names.push_back(id);
+    return true;
+  }
+
+  void Flatten(const std::vector<PipelineNode>& items, Instance& in, std::vector<const PipelineTemplate*>& stack)
+  {
+    for (const PipelineNode& item : items)
+    {
+      std::string id;
+      if (!this->TakeId(item, in, id))
+      {
+        continue;
+      }
+      if (this->Result->Nodes.size() + this->Instances.size() > MaximumNodes)
+      {
+        if (!this->Overfull)
+        {
+          Who who;
+          who.Context = in.Context;
+          this->Error(item.Place, who, "the pipeline expands to more than " + std::to_string(MaximumNodes) + " nodes");
+          this->Overfull = true;
+        }
+        return;
+      }
+      if (item.IsInstance)
+      {
+        this->FlattenInstance(item, id, in, stack);
+      }
+      else
+      {
+        this->FlattenNode(item, id, in);
+      }
+    }
+  }
+
+  void FlattenNode(const PipelineNode& item, const std::string& id, Instance& in)
+  {
+    GraphNode node;
+    node.Path = in.Prefix() + id;
+    node.Place = item.Place;
+    node.Context = in.Context;
+    Who who;
+    who.Where = "node " + Quoted(id);
+    who.Context = in.Context;
+    who.Node = node.Path;
+    const Value type = this->Expand(item.Type, in.Parameters, who);
+    if (type.Ok && item.Type.Given)
+    {
+      node.Type = type.Text;
+      node.Stage = this->Registry.Create(type.Text);
+      if (!node.Stage)
+      {
+        const std::vector<std::string> types = this->Registry.Types();
+        const std::string near = DidYouMean(type.Text, types);
+        const std::string count = std::to_string(types.size()) + " types known, quell nodes lists them";
+        this->Error(item.Type.Place, who, "unknown type " + Quoted(type.Text), near.empty() ? count : near + " (" + count + ")");
+      }
+    }
+    if (node.Stage)
+    {
+      who.Where += " (" + node.Type + ")";
+    }
+    this->ByPath[node.Path] = int(this->Result->Nodes.size());
+    this->Items.push_back({ &item, &in, who });
+    this->Result->Nodes.push_back(std::move(node));
+  }
+
+  void FlattenInstance(
+    const PipelineNode& item, const std::string& id, Instance& in, std::vector<const PipelineTemplate*>& stack)
+  {
+    this->Instances.emplace_back();
+    Instance& instance = this->Instances.back();
+    instance.Path = in.Prefix() + id;
+    instance.Item = &item;
+    instance.Parent = &in;
+    instance.Parameters.Parent = &this->Globals;
+    instance.Where = "instance " + Quoted(id);
+    instance.Context = in.Context;
+    instance.Broken = true;
+    this->InstanceByPath[instance.Path] = &instance;
+    Who who;
+    who.Where = instance.Where;
+    who.Context = in.Context;
+    who.Node = instance.Path;
+    const Value type = this->Expand(item.Type, in.Parameters, who);
+    if (!type.Ok || !item.Type.Given)
+    {
+      return;
+    }
+    const auto found = this->Templates.find(type.Text);
+    if (found == this->Templates.end())
+    {
+      std::vector<std::string> names;
+      for (const auto& t : this->Templates)
+      {
+        names.push_back(t.first);
+      }
+      this->Error(item.Type.Place, who, "unknown template " + Quoted(type.Text), this->NearOr(type.Text, names, "templates: "));
+      return;
+    }
+    const PipelineTemplate* t = found->second;
+    this->Instantiated.insert(t);
+    const auto open = std::find(stack.begin(), stack.end(), t);
+    if (open != stack.end())
+    {
+      std::string loop;
+      for (auto s = open; s != stack.end(); ++s)
+      {
+        loop += (*s)->Name.Value + " -> ";
+      }
+      this->Error(item.Place, who, "templates instantiate each other without end: " + loop + t->Name.Value);
+      return;
+    }
+    if (int(stack.size()) >= MaximumDepth)
+    {
+      this->Error(item.Place, who, "instances are nested more than " + std::to_string(MaximumDepth) + " deep");
+      return;
+    }
+    instance.Broken = false;
+    instance.Template = t;
+    instance.Where += " (template " + Quoted(t->Name.Value) + ")";
+    who.Where = instance.Where;
+    instance.Context.insert(instance.Context.begin(),
+      "in instance " + Quoted(id) + " at " + item.Place.ToText() + ", from template " + Quoted(t->Name.Value) + " at " +
+        t->Place.ToText());
+
+    std::map<std::string, const PipelineProperty*> given;
+    std::vector<std::string> names;
+    for (const PipelineVariable& p : t->Parameters)
+    {
+      names.push_back(p.Name.Value);
+    }
+    for (const PipelineProperty& p : item.Properties)
+    {
+      if (!p.Name.Given)
+      {
+        continue;
+      }
+      if (std::find(names.begin(), names.end(), p.Name.Value) == names.end())
+      {
+        this->Error(p.Name.Place, who, "no parameter " + Quoted(p.Name.Value), this->NearOr(p.Name.Value, names, "parameters: "));
+      }
+      else if (!given.emplace(p.Name.Value, &p).second)
+      {
+        this->Error(p.Name.Place, who,
+          "parameter " + Quoted(p.Name.Value) + " is already set at " + given[p.Name.Value]->Place.ToText());
+      }
+    }
+    for (const PipelineVariable& p : t->Parameters)
+    {
+      if (!p.Name.Given || !p.Default.Given)
+      {
+        continue;
+      }
+      const auto set = given.find(p.Name.Value);
+      Value value;
+      Who about = who;
+      if (set != given.end() && set->second->Value.Given)
+      {
+        value = this->Expand(set->second->Value, in.Parameters, who);
+      }
+      else
+      {
+        about.Where = "template " + Quoted(t->Name.Value);
+        about.Context = instance.Context;
+        value = this->Expand(p.Default, instance.Parameters, about);
+      }
+      std::string error;
+      if (value.Ok && !this->CheckType(p.Type.Value, value.Text, error))
+      {
+        this->Error(set != given.end() ? set->second->Value.Place : p.Default.Place, about,
+          p.Name.Value + " = " + error, set != given.end() ? "default " + Quoted(p.Default.Value) : std::string());
+        value.Ok = false;
+      }
+      instance.Parameters.Values[p.Name.Value] = value;
+    }
+    stack.push_back(t);
+    this->Flatten(t->Nodes, instance, stack);
+    stack.pop_back();
+  }
+
+  void FlattenUnused()
+  {
+    for (const PipelineTemplate& t : this->Document->Templates)
+    {
+      const auto known = this->Templates.find(t.Name.Value);
+      if (known == this->Templates.end() || known->second != &t || this->Instantiated.count(&t) || this->Overfull)
+      {
+        continue;
+      }
+      this->Instances.emplace_back();
+      Instance& instance = this->Instances.back();
+      instance.Path = "<" + t.Name.Value + ">";
+      instance.Template = &t;
+      instance.Parameters.Parent = &this->Globals;
+      instance.Where = "template " + Quoted(t.Name.Value);
+      instance.Context.push_back("in template " + Quoted(t.Name.Value) + " at " + t.Place.ToText());
+      this->InstanceByPath[instance.Path] = &instance;
+      Who who;
+      who.Where = instance.Where;
+      for (const PipelineVariable& p : t.Parameters)
+      {
+        if (p.Name.Given && p.Default.Given)
+        {
+          Value value = this->Expand(p.Default, instance.Parameters, who);
+          std::string error;
+          if (value.Ok && !this->CheckType(p.Type.Value, value.Text, error))
+          {
+            this->Error(p.Default.Place, who, p.Name.Value + " = " + error);
+            value.Ok = false;
+          }
+          instance.Parameters.Values[p.Name.Value] = value;
+        }
+      }
+      std::vector<const PipelineTemplate*> stack{ &t };
+      this->Flatten(t.Nodes, instance, stack);
+      this->Unused.push_back(&t);
+    }
+  }
+
+  // ---- properties -----------------------------------------------------------------------------------------------
+  struct Override
+  {
+    std::string Text;
+    bool Used = false;
+  };
+
+  /// --set and --seed: known nodes and properties only.
+  void CheckAssignments()
+  {
+    for (const auto& a : this->Options.Properties)
+    {
+      Who who;
+      who.Where = "--set " + a.first;
+      const std::size_t dot = a.first.rfind('.');
+      if (dot == std::string::npos)
+      {
+        this->Error(OnCommandLine(), who, "not of the form node.Property=value");
+        continue;
+      }
+      const std::string path = a.first.substr(0, dot), name = a.first.substr(dot + 1);
+      const auto found = this->ByPath.find(path);
+      // Nodes made for outputs come later; BuildOutputs finds their settings by itself.
+      const std::size_t colon = path.find(':');
+      if (found == this->ByPath.end() && colon != std::string::npos)
+      {
+        bool known = false;
+        for (const PipelineOutput& o : this->Document->Outputs)
+        {
+          known = known || o.Name.Value == path.substr(0, colon);
+        }
+        if (known && (path.substr(colon) == ":write" || path.substr(colon) == ":view"))
+        {
+          this->Overrides[{ path, name }] = a.second;
+          continue;
+        }
+      }
+      if (found == this->ByPath.end())
+      {
+        std::vector<std::string> names;
+        for (const auto& n : this->ByPath)
+        {
+          names.push_back(n.first);
+        }
+        this->Error(OnCommandLine(), who, "no node " + Quoted(path), this->NearOr(path, names, "nodes: "));
+        continue;
+      }
+      const GraphNode& node = this->Result->Nodes[std::size_t(found->second)];
+      if (node.Stage && !node.Description().FindProperty(name))
+      {
+        this->Error(OnCommandLine(), who, "node " + Quoted(path) + " (" + node.Type + ") has no property " + Quoted(name),
+          this->NearOr(name, PropertyNames(node.Description()), "properties: "));
+        continue;
+      }
+      this->Overrides[{ path, name }] = a.second;
+    }
+    if (this->Options.Seed)
+    {
+      bool any = false;
+      for (const GraphNode& node : this->Result->Nodes)
+      {
+        if (node.Stage && node.Description().FindProperty("Seed"))
+        {
+          any = true;
+          this->Overrides.emplace(std::make_pair(node.Path, std::string("Seed")), std::to_string(*this->Options.Seed));
+        }
+      }
+      if (!any)
+      {
+        Who who;
+        who.Where = "--seed";
+        this->Say(Severity::Warning, OnCommandLine(), who, "no node has a property Seed");
+      }
+    }
+  }
+
+  static std::vector<std::string> PropertyNames(const StageDescription& d)
+  {
+    std::vector<std::string> names;
+    for (const Property& p : d.Properties)
+    {
+      names.push_back(p.Name);
+    }
+    return names;
+  }
+
+  void SetAllProperties(std::size_t from)
+  {
+    for (std::size_t n = from; n < this->Result->Nodes.size(); ++n)
+    {
+      GraphNode& node = this->Result->Nodes[n];
+      const Source source = this->Items[n];
+      if (!source.Item)
+      {
+        continue;  // made for an output
+      }
+      std::map<std::string, SourceLocation> seen;
+      for (const PipelineProperty& p : source.Item->Properties)
+      {
+        if (!p.Name.Given || !p.Value.Given)
+        {
+          continue;
+        }
+        const Value name = this->Expand(p.Name, source.In->Parameters, source.About);
+        if (!name.Ok)
+        {
+          continue;
+        }
+        const auto added = seen.emplace(name.Text, p.Place);
+        if (!added.second)
+        {
+          this->Error(p.Name.Place, source.About,
+            "property " + Quoted(name.Text) + " is already set at " + added.first->second.ToText());
+          continue;
+        }
+        const Value value = this->Expand(p.Value, source.In->Parameters, source.About);
+        if (node.Stage && !node.Description().FindProperty(name.Text))
+        {
+          this->Error(p.Name.Place, source.About, "no property " + Quoted(name.Text),
+            this->NearOr(name.Text, PropertyNames(node.Description()), "properties: "));
+          this->BadProperties.insert(int(n));
+          continue;
+        }
+        if (this->Overrides.count({ node.Path, name.Text }))
+        {
+          continue;
+        }
+        if (!value.Ok)
+        {
+          this->BadProperties.insert(int(n));
+          continue;
+        }
+        this->SetProperty(int(n), name.Text, value, p.Value.Place, source.About);
+      }
+      this->ApplyOverrides(int(n));
+    }
+  }
+
+  void ApplyOverrides(int n)
+  {
+    const std::string path = this->Result->Nodes[std::size_t(n)].Path;
+    for (const auto& o : this->Overrides)
+    {
+      if (o.first.first == path)
+      {
+        Value value;
+        value.Text = o.second;
+        Who who;
+        who.Where = "--set " + path;
+        who.Node = path;
+        this->SetProperty(n, o.first.second, value, OnCommandLine(), who);
+      }
+    }
+  }
+
+  void SetProperty(int n, const std::string& name, const Value& value, const SourceLocation& place, const Who& who)
+  {
+    GraphNode& node = this->Result->Nodes[std::size_t(n)];
+    if (!node.Stage)
+    {
+      return;
+    }
+    const Property* property = node.Description().FindProperty(name);
+    if (!property)
+    {
+      this->Error(place, who, "no property " + Quoted(name),
+        this->NearOr(name, PropertyNames(node.Description()), "properties: "));
+      this->BadProperties.insert(n);
+      return;
+    }
+    std::string text = value.Text;
+    if (property->Kind == Property::Type::Path && !text.empty() && text.find("://") == std::string::npos)
+    {
+      text = JoinPath(value.Base, text);
+      if (!this->PathExists(text))
+      {
+        this->Error(place, who, name + " = " + Quoted(value.Text) + ": no such file",
+          text == value.Text ? std::string() : "looked for " + text);
+        this->BadProperties.insert(n);
+        return;
+      }
+    }
+    else if (property->Kind == Property::Type::String && node.Description().Sink && name == "File" && !text.empty())
+    {
+      text = JoinPath(this->Options.OutputDirectory, text);
+    }
+    std::string error;
+    if (!property->SetText(node.Stage, text, error))
+    {
+      this->Error(place, who, name + " = " + error);
+      this->BadProperties.insert(n);
+      return;
+    }
+    node.Properties.push_back({ name, text, place });
+  }
+
+  /// A sequence (####) exists when any of its frames does.
+  static bool PathExists(const std::string& path)
+  {
+    std::error_code code;
+    if (path.find('\0') != std::string::npos)
+    {
+      return false;
+    }
+    const std::string name = fs::path(path).filename().string();
+    const std::size_t first = name.find('#');
+    if (first == std::string::npos)
+    {
+      return fs::exists(path, code);
+    }
+    const std::size_t last = name.find_last_of('#');
+    const std::string head = name.substr(0, first), tail = name.substr(last + 1);
+    const std::string directory = DirectoryOf(path);
+    fs::directory_iterator at(directory.empty() ? "." : directory, code), end;
+    for (; !code && at != end; at.increment(code))
+    {
+      const std::string file = at->path().filename().string();
+      if (file.size() > head.size() + tail.size() && file.compare(0, head.size(), head) == 0 &&
+        file.compare(file.size() - tail.size(), tail.size(), tail) == 0)
+      {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  // ---- connections ----------------------------------------------------------------------------------------------
+  Endpoint Unknown(const Reference& r) const
+  {
+    Endpoint e;
+    e.Origin = r;
+    return e;
+  }
+
+  /// What a text refers to, through template ports and instance outputs. Mistakes are reported where the text stands.
+  std::vector<Endpoint> Resolve(const Reference& r, int depth)
+  {
+    if (!r.From->Given)
+    {
+      return { this->Unknown(r) };
+    }
+    if (depth > 4 * MaximumDepth)
+    {
+      this->Error(r.From->Place, r.About, Quoted(r.From->Value) + " leads back to itself through template ports");
+      return { this->Unknown(r) };
+    }
+    const Value value = this->Expand(*r.From, r.In->Parameters, r.About);
+    if (!value.Ok)
+    {
+      return { this->Unknown(r) };
+    }
+    const std::string& text = value.Text;
+    if (text.empty())
+    {
+      this->Error(r.From->Place, r.About, "from is empty", "write node:array");
+      return { this->Unknown(r) };
+    }
+    if (text[0] == '@')
+    {
+      return this->ResolvePort(r, text.substr(1), depth);
+    }
+    const std::size_t colon = text.rfind(':');
+    const std::string name = text.substr(0, colon);
+    const std::string array = colon == std::string::npos ? std::string() : text.substr(colon + 1);
+    if (colon != std::string::npos && (array.empty() || name.empty()))
+    {
+      this->Error(r.From->Place, r.About, Quoted(text) + " is not of the form node:array");
+      return { this->Unknown(r) };
+    }
+    const std::string path = r.In->Prefix() + name;
+    const auto node = this->ByPath.find(path);
+    if (node != this->ByPath.end())
+    {
+      Endpoint e;
+      e.Node = node->second;
+      e.Array = array;
+      e.Origin = r;
+      if (!this->Result->Nodes[std::size_t(e.Node)].Stage)
+      {
+        e.Node = -1;
+      }
+      return { e };
+    }
+    const auto instance = this->InstanceByPath.find(path);
+    if (instance != this->InstanceByPath.end())
+    {
+      return this->ResolveOutput(r, *instance->second, array, depth);
+    }
+    if (this->Used.count(path))
+    {
+      return { this->Unknown(r) };  // its own mistake is reported
+    }
+    std::vector<std::string> names = r.In->Names;
+    if (r.In->Path.empty())
+    {
+      for (const auto& n : this->ByPath)
+      {
+        if (n.first.find('/') != std::string::npos)
+        {
+          names.push_back(n.first);
+        }
+      }
+    }
+    this->Error(r.From->Place, r.About, "no node " + Quoted(name), this->NearOr(name, names, "nodes: "));
+    return { this->Unknown(r) };
+  }
+
+  std::vector<Endpoint> ResolvePort(const Reference& r, const std::string& port, int depth)
+  {
+    Instance& in = *r.In;
+    if (!in.Template)
+    {
+      this->Error(r.From->Place, r.About, Quoted("@" + port) + " is a template's port, but this is no template",
+        "write node:array");
+      return { this->Unknown(r) };
+    }
+    std::vector<std::string> names;
+    for (const PipelinePort& p : in.Template->Inputs)
+    {
+      names.push_back(p.Name.Value);
+    }
+    if (std::find(names.begin(), names.end(), port) == names.end())
+    {
+      this->Error(r.From->Place, r.About, "template " + Quoted(in.Template->Name.Value) + " has no input port " + Quoted(port),
+        this->NearOr(port, names, "ports: "));
+      return { this->Unknown(r) };
+    }
+    if (!in.Item)
+    {
+      return { this->Unknown(r) };
+    }
+    std::vector<Endpoint> ends;
+    for (const PipelineInput& input : in.Item->Inputs)
+    {
+      if (input.Port.Given && input.Port.Value == port)
+      {
+        const std::vector<Endpoint> more = this->Resolve(this->InstanceInput(in, input), depth + 1);
+        ends.insert(ends.end(), more.begin(), more.end());
+      }
+    }
+    // A port without any input is reported once, by ResolveInstances.
+    return ends.empty() ? std::vector<Endpoint>{ this->Unknown(r) } : ends;
+  }
+
+  Reference InstanceInput(Instance& instance, const PipelineInput& input) const
+  {
+    Reference r;
+    r.From = &input.From;
+    r.In = instance.Parent;
+    r.About.Where = instance.Where + ": input " + Quoted(input.Port.Value);
+    r.About.Context = instance.Parent->Context;
+    r.About.Node = instance.Path;
+    return r;
+  }
+
+  Reference InstanceOutput(Instance& instance, const PipelinePort& port) const
+  {
+    Reference r;
+    r.From = &port.From;
+    r.In = &instance;
+    r.About.Where = "template " + Quoted(instance.Template->Name.Value) + ": port " + Quoted(port.Name.Value);
+    r.About.Context = instance.Context;
+    r.About.Node = instance.Path;
+    return r;
+  }
+
+  std::vector<Endpoint> ResolveOutput(const Reference& r, Instance& instance, const std::string& port, int depth)
+  {
+    if (instance.Broken)
+    {
+      return { this->Unknown(r) };
+    }
+    std::vector<std::string> names;
+    for (const PipelinePort& p : instance.Template->Outputs)
+    {
+      if (port.empty() || p.Name.Value == port)
+      {
+        return this->Resolve(this->InstanceOutput(instance, p), depth + 1);
+      }
+      names.push_back(p.Name.Value);
+    }
+    this->Error(r.From->Place, r.About, instance.Where + " has no output" + (port.empty() ? "" : " " + Quoted(port)),
+      this->NearOr(port, names, "it has "));
+    return { this->Unknown(r) };
+  }
+
+  /// Inputs and outputs of every instance: whether or not anything inside reads them.
+  void ResolveInstances(std::size_t from)
+  {
+    for (std::size_t i = from; i < this->Instances.size(); ++i)
+    {
+      Instance& instance = this->Instances[i];
+      if (!instance.Template || instance.Broken)
+      {
+        continue;
+      }
+      for (const PipelinePort& p : instance.Template->Outputs)
+      {
+        const Reference r = this->InstanceOutput(instance, p);
+        for (const Endpoint& e : this->Resolve(r, 0))
+        {
+          this->Typed.push_back({ e, PortKind(p), r, p.From.Place });
+        }
+      }
+      if (!instance.Item)
+      {
+        continue;
+      }
+      std::vector<std::string> names;
+      for (const PipelinePort& p : instance.Template->Inputs)
+      {
+        names.push_back(p.Name.Value);
+        bool connected = false;
+        for (const PipelineInput& input : instance.Item->Inputs)
+        {
+          if (input.Port.Value != p.Name.Value)
+          {
+            continue;
+          }
+          connected = true;
+          const Reference r = this->InstanceInput(instance, input);
+          for (const Endpoint& e : this->Resolve(r, 0))
+          {
+            this->Typed.push_back({ e, PortKind(p), r, input.From.Place });
+          }
+        }
+        if (!connected && p.Name.Given)
+        {
+          Who who;
+          who.Where = instance.Where;
+          who.Context = instance.Parent->Context;
+          who.Node = instance.Path;
+          this->Error(instance.Item->Place, who, "required input " + Quoted(p.Name.Value) + " is not connected");
+        }
+      }
+      for (const PipelineInput& input : instance.Item->Inputs)
+      {
+        if (input.Port.Given && std::find(names.begin(), names.end(), input.Port.Value) == names.end())
+        {
+          Who who;
+          who.Where = instance.Where;
+          who.Context = instance.Parent->Context;
+          who.Node = instance.Path;
+          this->Error(input.Port.Place, who, "no input " + Quoted(input.Port.Value),
+            this->NearOr(input.Port.Value, names, "inputs: "));
+        }
+      }
+    }
+  }
+
+  void ConnectAll(std::size_t from)
+  {
+    for (std::size_t n = from; n < this->Result->Nodes.size(); ++n)
+    {
+      const Source source = this->Items[n];
+      if (!source.Item)
+      {
+        continue;
+      }
+      for (const PipelineInput& input : source.Item->Inputs)
+      {
+        this->Connect(int(n), input, source);
+      }
+      this->CheckRequired(int(n), source);
+    }
+  }
+
+  struct Source
+  {
+    const PipelineNode* Item = nullptr;
+    Instance* In = nullptr;
+    Who About;
+  };
+
+  void Connect(int n, const PipelineInput& input, const Source& source)
+  {
+    GraphNode& node = this->Result->Nodes[std::size_t(n)];
+    if (!input.Port.Given)
+    {
+      return;
+    }
+    const Value port = this->Expand(input.Port, source.In->Parameters, source.About);
+    Reference r;
+    r.From = &input.From;
+    r.In = source.In;
+    r.About = source.About;
+    r.About.Where += ": input " + Quoted(port.Text);
+    const std::vector<Endpoint> ends = this->Resolve(r, 0);
+    if (!node.Stage || !port.Ok)
+    {
+      return;
+    }
+    const StageDescription& d = node.Description();
+    const int index = d.InputIndex(port.Text);
+    if (index < 0)
+    {
+      std::vector<std::string> names;
+      for (const InputPort& p : d.Inputs)
+      {
+        names.push_back(p.Name);
+      }
+      this->Error(input.Port.Place, source.About, "no input " + Quoted(port.Text), this->NearOr(port.Text, names, "inputs: "));
+      return;
+    }
+    bool delayed = false;
+    if (input.Delay.Given)
+    {
+      const Value delay = this->Expand(input.Delay, source.In->Parameters, r.About);
+      std::string error;
+      if (delay.Ok && !detail::ParseBool(delay.Text, delayed, error))
+      {
+        this->Error(input.Delay.Place, r.About, "delay = " + Quoted(delay.Text) + " is neither 0 nor 1",
+          "delay=\"1\" reads the previous frame");
+      }
+    }
+    if (delayed && index == 0)
+    {
+      this->Error(input.Delay.Place, r.About, "the first input of a stage cannot be delayed",
+        "it gives the frame its size; every other input may read the previous frame");
+      delayed = false;
+    }
+    const InputPort& spec = d.Inputs[std::size_t(index)];
+    for (const Endpoint& end : ends)
+    {
+      int connection = 0;
+      const GraphEdge* first = nullptr;
+      for (const GraphEdge& e : node.Inputs)
+      {
+        if (e.Port == index)
+        {
+          first = first ? first : &e;
+          ++connection;
+        }
+      }
+      if (first && !spec.Repeatable)
+      {
+        this->Error(input.Place, r.About, "is already connected at " + first->Place.ToText(), "it takes one connection");
+        return;
+      }
+      if (first && (delayed || first->Delayed))
+      {
+        this->Error(input.Place, r.About, "a delayed input takes one connection", "it is connected at " + first->Place.ToText());
+        return;
+      }
+      GraphEdge edge;
+      edge.Port = index;
+      edge.Connection = connection;
+      edge.Producer = end.Node;
+      edge.Array = end.Array;
+      edge.Delayed = delayed;
+      edge.Place = input.Place;
+      for (const PipelineInput::Attribute& a : input.Attributes)
+      {
+        const Value value = this->Expand(a.Value, source.In->Parameters, r.About);
+        std::string error;
+        if (!value.Ok)
+        {
+          continue;
+        }
+        if (!node.Stage->SetInputAttribute(index, connection, a.Name, value.Text, error))
+        {
+          const std::string own = "input " + Quoted(port.Text) + " ";
+          if (error.compare(0, own.size(), own) == 0)
+          {
+            error.erase(0, own.size());
+          }
+          this->Error(a.Value.Place, r.About, error, DidYouMean(a.Name, { "port", "from", "delay" }));
+          continue;
+        }
+        edge.Attributes.emplace_back(a.Name, value.Text);
+      }
+      this->Ends.push_back({ n, int(node.Inputs.size()), end, r });
+      node.Inputs.push_back(std::move(edge));
+    }
+  }
+
+  void CheckRequired(int n, const Source& source)
+  {
+    const GraphNode& node = this->Result->Nodes[std::size_t(n)];
+    if (!node.Stage)
+    {
+      return;
+    }
+    const StageDescription& d = node.Description();
+    for (std::size_t p = 0; p < d.Inputs.size(); ++p)
+    {
+      bool connected = d.Inputs[p].Optional;
+      for (const PipelineInput& input : source.Item->Inputs)
+      {
+        connected = connected || input.Port.Value == d.Inputs[p].Name || input.Port.Value.find("$(") != std::string::npos;
+      }
+      if (!connected)
+      {
+        this->Error(node.Place, source.About, "required input " + Quoted(d.Inputs[p].Name) + " is not connected",
+          "it wants " + KindText(d.Inputs[p].Kind, 0));
+      }
+    }
+  }
+
+  // ---- outputs --------------------------------------------------------------------------------------------------
+  /// A node made for an output; its edges are added by Link.
+  int AddInternal(const char* type, const std::string& path, const Who& who, const SourceLocation& place)
+  {
+    GraphNode node;
+    node.Path = path;
+    node.Type = type;
+    node.Place = place;
+    node.Internal = true;
+    node.Stage = this->Registry.Create(type);
+    if (!node.Stage)
+    {
+      this->Error(place, who, std::string("this program has no stage ") + type);
+      return -1;
+    }
+    this->Items.push_back({ nullptr, nullptr, who });
+    this->Result->Nodes.push_back(std::move(node));
+    return int(this->Result->Nodes.size()) - 1;
+  }
+
+  void Link(int reader, int port, const Endpoint& end, const Who& who, const SourceLocation& place, const PipelineText* layer)
+  {
+    GraphNode& node = this->Result->Nodes[std::size_t(reader)];
+    GraphEdge edge;
+    edge.Port = port;
+    for (const GraphEdge& e : node.Inputs)
+    {
+      edge.Connection += e.Port == port;
+    }
+    edge.Producer = end.Node;
+    edge.Array = end.Array;
+    edge.Place = place;
+    if (layer && layer->Given)
+    {
+      Instance& top = this->Instances.front();
+      const Value value = this->Expand(*layer, top.Parameters, who);
+      std::string error;
+      if (value.Ok && !node.Stage->SetInputAttribute(port, edge.Connection, "name", value.Text, error))
+      {
+        this->Error(layer->Place, who, error);
+      }
+      else if (value.Ok)
+      {
+        edge.Attributes.emplace_back("name", value.Text);
+      }
+    }
+    Reference r = end.Origin;
+    r.About = who;
+    this->Ends.push_back({ reader, int(node.Inputs.size()), end, r });
+    node.Inputs.push_back(std::move(edge));
+  }
+
+  void BuildOutputs()
+  {
+    Instance& top = this->Instances.front();
+    std::map<std::string, std::string> files = this->AssignOutputs();
+    std::map<std::string, SourceLocation> names, written;
+    for (const PipelineOutput& o : this->Outputs)
+    {
+      Who who;
+      who.Where = "output " + Quoted(o.Name.Value);
+      if (o.Name.Given)
+      {
+        if (o.Place.File != CommandLine && !IsName(o.Name.Value))
+        {
+          this->Error(o.Name.Place, who, "not a name", NameRule);
+        }
+        const auto added = names.emplace(o.Name.Value, o.Place);
+        if (!added.second)
+        {
+          this->Error(o.Name.Place, who, "the name is already used at " + added.first->second.ToText());
+          continue;
+        }
+      }
+      struct Layer
+      {
+        Endpoint End;
+        const PipelineText* Name;
+        SourceLocation Place;
+      };
+      std::vector<Layer> layers;
+      const auto add = [&](const PipelineText& from, const PipelineText* name, const SourceLocation& place) {
+        Reference r;
+        r.From = &from;
+        r.In = &top;
+        r.About = who;
+        for (const Endpoint& e : this->Resolve(r, 0))
+        {
+          layers.push_back({ e, name, place });
+        }
+      };
+      if (o.From.Given)
+      {
+        add(o.From, nullptr, o.From.Place);
+      }
+      for (const PipelineLayer& l : o.Layers)
+      {
+        add(l.From, &l.Name, l.From.Place);
+      }
+      if (o.View.Given && layers.size() > 1)
+      {
+        this->Error(o.View.Place, who, "a view shows one image, but there are " + std::to_string(layers.size()) + " layers");
+      }
+      if (o.Display.Given && !o.View.Given)
+      {
+        this->Error(o.Display.Place, who, "display is given without view");
+      }
+      if (layers.empty())
+      {
+        continue;
+      }
+      GraphOutput output;
+      output.Name = o.Name.Value;
+      output.Place = o.Place;
+      output.Node = layers.front().End.Node;
+      output.Array = layers.front().End.Array;
+      const Value file = this->Expand(o.File, top.Parameters, who);
+      const auto assigned = files.find(o.Name.Value);
+      const bool writes = assigned != files.end() || o.File.Given;
+      output.File = assigned != files.end() ? assigned->second : file.Text;
+      const SourceLocation filePlace = assigned != files.end() ? OnCommandLine() : o.File.Place;
+      if (writes && file.Ok && output.File.empty())
+      {
+        this->Error(filePlace, who, "the file's name is empty");
+      }
+      if (writes && file.Ok && !output.File.empty())
+      {
+        output.File = JoinPath(this->Options.OutputDirectory, output.File);
+        const auto added = written.emplace(output.File, o.Place);
+        if (!added.second)
+        {
+          this->Error(filePlace, who, Quoted(output.File) + " is already written by the output at " +
+              added.first->second.ToText());
+        }
+        if (o.View.Given)
+        {
+          const Value view = this->Expand(o.View, top.Parameters, who);
+          const Value display = this->Expand(o.Display, top.Parameters, who);
+          const int n = this->AddInternal("DisplayTransform", o.Name.Value + ":view", who, o.Place);
+          if (n >= 0)
+          {
+            if (view.Ok)
+            {
+              this->SetProperty(n, "View", view, o.View.Place, who);
+            }
+            if (o.Display.Given && display.Ok)
+            {
+              this->SetProperty(n, "Display", display, o.Display.Place, who);
+            }
+            this->ApplyOverrides(n);
+            this->Link(n, 0, layers.front().End, who, layers.front().Place, nullptr);
+            layers.front().End.Node = n;
+            layers.front().End.Array = "display";
+            layers.front().End.Origin.About = who;
+          }
+        }
+        output.Writer = this->AddInternal("ImageWriter", o.Name.Value + ":write", who, o.Place);
+        if (output.Writer >= 0)
+        {
+          const int port = this->Result->Nodes[std::size_t(output.Writer)].Description().InputIndex("layer");
+          Value path;
+          path.Text = file.Text;
+          if (assigned != files.end())
+          {
+            path.Text = assigned->second;
+          }
+          this->SetProperty(output.Writer, "File", path, filePlace, who);
+          this->ApplyOverrides(output.Writer);
+          for (const Layer& l : layers)
+          {
+            this->Link(output.Writer, std::max(0, port), l.End, who, l.Place, l.Name);
+          }
+        }
+      }
+      this->OutputEnds.push_back({ int(this->Result->Outputs.size()), layers.front().End });
+      this->Result->Outputs.push_back(output);
+    }
+  }
+
+  /// --output NAME=FILE and NODE:ARRAY=FILE; fills Outputs with the file's and the new ones.
+  std::map<std::string, std::string> AssignOutputs()
+  {
+    std::map<std::string, std::string> files;
+    this->Outputs.assign(this->Document->Outputs.begin(), this->Document->Outputs.end());
+    std::vector<std::string> names;
+    for (const PipelineOutput& o : this->Document->Outputs)
+    {
+      names.push_back(o.Name.Value);
+    }
+    for (const auto& a : this->Options.Outputs)
+    {
+      if (std::find(names.begin(), names.end(), a.first) != names.end())
+      {
+        files[a.first] = a.second;
+        continue;
+      }
+      if (a.first.find(':') == std::string::npos && !this->ByPath.count(a.first) && !this->InstanceByPath.count(a.first))
+      {
+        Who who;
+        who.Where = "--output " + a.first;
+        this->Error(OnCommandLine(), who, "no such output", this->NearOr(a.first, names, "outputs: ") + "; or name an array as NODE:ARRAY");
+        continue;
+      }
+      PipelineOutput o;
+      o.Place = OnCommandLine();
+      o.Name = PipelineText(a.first);
+      o.From = PipelineText(a.first);
+      o.Name.Place = o.From.Place = o.File.Place = OnCommandLine();
+      this->Outputs.push_back(o);
+      files[a.first] = a.second;
+      names.push_back(a.first);
+    }
+    return files;
+  }
+
+  // ---- kinds ----------------------------------------------------------------------------------------------------
+  struct Available
+  {
+    std::vector<OutputArray> Arrays;
+    bool Known = true;  ///< false: some mistake hides what there is
+    int State = 0;      ///< 0 new, 1 being made, 2 done
+  };
+
+  const Available& ArraysOf(int n)
+  {
+    Available& a = this->Availables[n];
+    if (a.State)
+    {
+      // In a loop (an error of its own) nothing is known.
+      a.Known = a.Known && a.State == 2;
+      return a;
+    }
+    a.State = 1;
+    const GraphNode& node = this->Result->Nodes[std::size_t(n)];
+    std::set<std::string> seen;
+    const auto add = [&](const std::vector<OutputArray>& arrays) {
+      for (const OutputArray& o : arrays)
+      {
+        if (seen.insert(o.Name).second)
+        {
+          a.Arrays.push_back(o);
+        }
+      }
+    };
+    add(node.Description().Outputs);
+    if (this->BadProperties.count(n))
+    {
+      a.Known = false;
+    }
+    else
+    {
+      try
+      {
+        add(node.Stage->ListDynamicOutputs());
+      }
+      catch (const std::exception& e)
+      {
+        a.Known = false;
+        this->Error(node.Place, this->Items[std::size_t(n)].About, e.what());
+      }
+    }
+    bool connected = false;
+    for (const GraphEdge& e : node.Inputs)
+    {
+      if (e.Port == 0 && e.Connection == 0)
+      {
+        connected = true;
+        if (e.Producer < 0)
+        {
+          a.Known = false;
+          break;
+        }
+        // The recursion may add to the map; std::map keeps references valid.
+        const Available& before = this->ArraysOf(e.Producer);
+        add(before.Arrays);
+        a.Known = a.Known && before.Known;
+        break;
+      }
+    }
+    if (!connected && !node.Description().Inputs.empty())
+    {
+      a.Known = false;
+    }
+    a.State = 2;
+    return a;
+  }
+
+  /// The array that a connection reads: named, or the producer's primary one. Null after a mistake (reported here).
+  const OutputArray* FindArrayOf(const Endpoint& end, std::string& array)
+  {
+    if (end.Node < 0)
+    {
+      return nullptr;
+    }
+    const Available& available = this->ArraysOf(end.Node);
+    array = end.Array;
+    if (array.empty())
+    {
+      const auto& outputs = this->Result->Nodes[std::size_t(end.Node)].Description().Outputs;
+      array = !outputs.empty() ? outputs.front().Name : "radiance";
+      bool there = false;
+      for (const OutputArray& a : available.Arrays)
+      {
+        there = there || a.Name == array;
+      }
+      if (!there && !available.Arrays.empty())
+      {
+        array = available.Arrays.front().Name;
+      }
+    }
+    std::vector<std::string> names;
+    for (const OutputArray& a : available.Arrays)
+    {
+      if (a.Name == array)
+      {
+        return &a;
+      }
+      names.push_back(a.Name);
+    }
+    if (available.Known)
+    {
+      const Reference& r = end.Origin;
+      const std::string near = DidYouMean(array, names);
+      this->Error(r.From->Place, r.About, this->NodeTitle(end.Node) + " has no output " + Quoted(array),
+        near.empty() ? "it has " + Listed(names) : near);
+    }
+    return nullptr;
+  }
+
+  std::string NodeTitle(int n) const { return "node " + Quoted(this->Result->Nodes[std::size_t(n)].Path); }
+
+  void CheckArrays()
+  {
+    for (std::size_t n = 0; n < this->Result->Nodes.size(); ++n)
+    {
+      if (this->Result->Nodes[n].Stage)
+      {
+        this->ArraysOf(int(n));
+      }
+    }
+    std::set<std::string> complained;  // texts that a typed template port has refused already
+    const auto key = [](const SourceLocation& p) { return p.ToText(); };
+    for (const TypedEnd& t : this->Typed)
+    {
+      std::string array;
+      const OutputArray* found = this->FindArrayOf(t.End, array);
+      if (found && !Fits(t.Kind, *found))
+      {
+        this->Error(t.Place, t.From.About, "wants " + KindText(t.Kind, 0) + ", but " +
+            Quoted(this->Result->Nodes[std::size_t(t.End.Node)].Path + ":" + array) + " is " +
+            KindText(found->Kind, found->Components));
+        complained.insert(key(t.End.Origin.From->Place));
+      }
+    }
+    for (const PendingEnd& p : this->Ends)
+    {
+      GraphNode& node = this->Result->Nodes[std::size_t(p.Reader)];
+      GraphEdge& edge = node.Inputs[std::size_t(p.Edge)];
+      std::string array;
+      const OutputArray* found = this->FindArrayOf(p.End, array);
+      edge.Array = array;
+      if (!found || complained.count(key(p.End.Origin.From->Place)))
+      {
+        continue;
+      }
+      const InputPort& port = node.Description().Inputs[std::size_t(edge.Port)];
+      if (!Fits(port.Kind, *found))
+      {
+        this->Error(p.From.From->Place, p.From.About, "wants " + KindText(port.Kind, 0) + ", but " +
+            Quoted(this->Result->Nodes[std::size_t(p.End.Node)].Path + ":" + array) + " is " +
+            KindText(found->Kind, found->Components));
+      }
+    }
+    for (const auto& o : this->OutputEnds)
+    {
+      GraphOutput& output = this->Result->Outputs[std::size_t(o.first)];
+      if (output.Node >= 0)
+      {
+        Endpoint end = o.second;
+        if (end.Node != output.Node)  // a view lies in between
+        {
+          end.Node = output.Node;
+          end.Array = output.Array;
+        }
+        std::string array;
+        this->FindArrayOf(end, array);
+        output.Array = array;
+      }
+    }
+  }
+
+  // ---- loops and order ------------------------------------------------------------------------------------------
+  /// Every loop without delay, one per strongly connected part: its shortest through its first node.
+  void CheckCycles()
+  {
+    const std::size_t count = this->Result->Nodes.size();
+    const std::vector<int> component = this->Components();
+    std::set<int> done;
+    for (std::size_t n = 0; n < count; ++n)
+    {
+      if (done.count(component[n]))
+      {
+        continue;
+      }
+      // Walk upstream from n until n is met again.
+      std::vector<int> reader(count, -1);
+      std::vector<const GraphEdge*> via(count, nullptr);
+      std::deque<int> open{ int(n) };
+      bool found = false;
+      while (!open.empty() && !found)
+      {
+        const int at = open.front();
+        open.pop_front();
+        for (const GraphEdge& e : this->Result->Nodes[std::size_t(at)].Inputs)
+        {
+          if (e.Delayed || e.Producer < 0 || component[std::size_t(e.Producer)] != component[n])
+          {
+            continue;
+          }
+          if (e.Producer == int(n))
+          {
+            this->ReportCycle(int(n), at, reader, e);
+            found = true;
+            break;
+          }
+          if (reader[std::size_t(e.Producer)] < 0)
+          {
+            reader[std::size_t(e.Producer)] = at;
+            open.push_back(e.Producer);
+          }
+        }
+      }
+      if (found)
+      {
+        done.insert(component[n]);
+      }
+    }
+  }
+
+  void ReportCycle(int first, int last, const std::vector<int>& reader, const GraphEdge& closing)
+  {
+    // `last` reads `first`; reader[] leads from last back to first's side: last -> ... -> first read each other.
+    std::vector<std::string> names;
+    for (int at = last; at != first && at >= 0; at = reader[std::size_t(at)])
+    {
+      names.push_back(this->Result->Nodes[std::size_t(at)].Path);
+    }
+    const std::string start = this->Result->Nodes[std::size_t(first)].Path;
+    std::string loop = start;
+    for (auto name = names.rbegin(); name != names.rend(); ++name)
+    {
+      loop += " <- " + *name;
+    }
+    loop += " <- " + start;
+    Who who;
+    who.Context = this->Result->Nodes[std::size_t(last)].Context;
+    who.Node = start;
+    this->Error(closing.Place, who, "cycle: " + loop, "say delay=\"1\" on the input that should read the previous frame");
+  }
+
+  /// Strongly connected components over edges without delay (Tarjan, without recursion: graphs may be long chains).
+  std::vector<int> Components() const
+  {
+    const std::size_t count = this->Result->Nodes.size();
+    std::vector<int> index(count, -1), low(count, 0), component(count, -1);
+    std::vector<bool> onStack(count, false);
+    std::vector<int> stack;
+    int next = 0, components = 0;
+    struct Frame
+    {
+      int Node;
+      std::size_t Edge;
+    };
+    for (std::size_t root = 0; root < count; ++root)
+    {
+      if (index[root] >= 0)
+      {
+        continue;
+      }
+      std::vector<Frame> frames{ { int(root), 0 } };
+      while (!frames.empty())
+      {
+        const std::size_t at = std::size_t(frames.back().Node);
+        if (frames.back().Edge == 0 && index[at] < 0)
+        {
+          index[at] = low[at] = next++;
+          stack.push_back(int(at));
+          onStack[at] = true;
+        }
+        const auto& inputs = this->Result->Nodes[at].Inputs;
+        if (frames.back().Edge < inputs.size())
+        {
+          const GraphEdge& e = inputs[frames.back().Edge++];
+          if (e.Delayed || e.Producer < 0)
+          {
+            continue;
+          }
+          const std::size_t to = std::size_t(e.Producer);
+          if (index[to] < 0)
+          {
+            frames.push_back({ e.Producer, 0 });
+          }
+          else if (onStack[to])
+          {
+            low[at] = std::min(low[at], index[to]);
+          }
+          continue;
+        }
+        frames.pop_back();
+        if (!frames.empty())
+        {
+          const std::size_t parent = std::size_t(frames.back().Node);
+          low[parent] = std::min(low[parent], low[at]);
+        }
+        if (low[at] == index[at])
+        {
+          for (;;)
+          {
+            const int member = stack.back();
+            stack.pop_back();
+            onStack[std::size_t(member)] = false;
+            component[std::size_t(member)] = components;
+            if (member == int(at))
+            {
+              break;
+            }
+          }
+          ++components;
+        }
+      }
+    }
+    return component;
+  }
+
+  void MakeOrder()
+  {
+    // Components are numbered producers first, and without loops each holds one node.
+    const std::vector<int> component = this->Components();
+    this->Result->Order.resize(component.size());
+    for (std::size_t n = 0; n < component.size(); ++n)
+    {
+      this->Result->Order[std::size_t(component[n])] = int(n);
+    }
+  }
+
+  // ---- warnings -------------------------------------------------------------------------------------------------
+  void Warn()
+  {
+    std::set<std::string> used;
+    EachText(*this->Document, [&used](const PipelineText& text) {
+      const std::string& s = text.Value;
+      for (std::size_t at = 0; (at = s.find("$(", at)) != std::string::npos; at += 2)
+      {
+        const std::size_t end = s.find(')', at);
+        if (end == std::string::npos)
+        {
+          break;
+        }
+        used.insert(s.substr(at + 2, end - at - 2));
+      }
+    });
+    for (const PipelineVariable& v : this->Document->Variables)
+    {
+      if (v.Name.Given && !used.count(v.Name.Value))
+      {
+        Who who;
+        who.Where = "variable " + Quoted(v.Name.Value);
+        this->Say(Severity::Warning, v.Place, who, "is never used");
+      }
+    }
+    for (const PipelineTemplate* t : this->Unused)
+    {
+      // A file without nodes is a library.
+      if (!this->Document->Nodes.empty())
+      {
+        Who who;
+        who.Where = "template " + Quoted(t->Name.Value);
+        this->Say(Severity::Warning, t->Place, who, "is never instantiated");
+      }
+    }
+    if (this->Messages.HasErrors())
+    {
+      return;  // what feeds what is not known well enough
+    }
+    std::vector<int> targets;
+    for (const GraphOutput& o : this->Result->Outputs)
+    {
+      targets.push_back(o.Node);
+      targets.push_back(o.Writer);
+    }
+    for (std::size_t n = 0; n < this->Result->Nodes.size(); ++n)
+    {
+      if (this->Result->Nodes[n].Description().Sink)
+      {
+        targets.push_back(int(n));
+      }
+    }
+    const std::vector<bool> needed = this->Result->Needed(targets);
+    std::set<std::string> liveInstances;
+    for (std::size_t n = 0; n < needed.size(); ++n)
+    {
+      const std::string& path = this->Result->Nodes[n].Path;
+      if (needed[n])
+      {
+        liveInstances.insert(path.substr(0, path.find('/')));
+      }
+    }
+    for (const PipelineNode& item : this->Document->Nodes)
+    {
+      for (std::size_t n = 0; n < needed.size(); ++n)
+      {
+        const GraphNode& node = this->Result->Nodes[n];
+        if (!item.IsInstance && node.Place.Line == item.Place.Line && node.Place.Column == item.Place.Column &&
+          node.Place.File == item.Place.File && !needed[n])
+        {
+          Who who;
+          who.Where = "node " + Quoted(node.Path);
+          who.Node = node.Path;
+          this->Say(Severity::Warning, node.Place, who, "feeds no output and will not run");
+        }
+      }
+      if (item.IsInstance && !liveInstances.count(item.Id.Value))
+      {
+        Who who;
+        who.Where = "instance " + Quoted(item.Id.Value);
+        this->Say(Severity::Warning, item.Place, who, "feeds no output and will not run");
+      }
+    }
+  }
+
+  struct TypedEnd
+  {
+    Endpoint End;
+    ArrayKind Kind;
+    Reference From;
+    SourceLocation Place;
+  };
+  struct PendingEnd
+  {
+    int Reader, Edge;
+    Endpoint End;
+    Reference From;
+  };
+
+  std::shared_ptr<const PipelineDocument> Document;
+  const StageRegistry& Registry;
+  const GraphOptions& Options;
+  Diagnostics& Messages;
+  std::shared_ptr<Graph> Result;
+
+  std::map<std::string, std::string> Defines;
+  std::vector<const PipelineVariable*> Declared;
+  std::map<std::string, const PipelineVariable*> DeclaredByName;
+  std::vector<std::string> Resolving;
+  Scope Globals;
+  std::map<std::string, const PipelineTemplate*> Templates;
+  std::set<const PipelineTemplate*> Instantiated;
+  std::vector<const PipelineTemplate*> Unused;
+  std::deque<Instance> Instances;  // the first is the top level; addresses stay
+  std::map<std::string, Instance*> InstanceByPath;
+  std::map<std::string, int> ByPath;
+  std::map<std::string, SourceLocation> Used;
+  std::vector<Source> Items;  // parallel to Result->Nodes
+  std::map<std::pair<std::string, std::string>, std::string> Overrides;
+  std::set<int> BadProperties;
+  std::vector<TypedEnd> Typed;
+  std::vector<PendingEnd> Ends;
+  std::deque<PipelineOutput> Outputs;
+  std::vector<std::pair<int, Endpoint>> OutputEnds;
+  std::map<int, Available> Availables;
+  bool Overfull = false;
+};
+}
+
+std::shared_ptr<Graph> BuildGraph(std::shared_ptr<const PipelineDocument> document, const StageRegistry& registry,
+  const GraphOptions& options, Diagnostics& diagnostics)
+{
+  return Builder(document, registry, options, diagnostics).Build();
+}
+
+std::shared_ptr<Graph> LoadPipeline(
+  const std::string& file, const StageRegistry& registry, const GraphOptions& options, Diagnostics& diagnostics)
+{
+  const std::shared_ptr<PipelineDocument> document = ReadPipelineFile(file, diagnostics);
+  std::shared_ptr<Graph> graph;
+  // After broken XML or a newer version everything else would be guesswork.
+  if (document->Place.Line > 0)
+  {
+    graph = BuildGraph(document, registry, options, diagnostics);
+  }
+  diagnostics.Sort();
+  return diagnostics.HasErrors() ? nullptr : graph;
+}
+}

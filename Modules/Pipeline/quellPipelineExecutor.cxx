@@ -1,0 +1,530 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellPipelineExecutor.h"
+
+#include "vtkCallbackCommand.h"
+#include "vtkExecutive.h"
+#include "vtkImageData.h"
+#include "vtkInformation.h"
+#include "vtkNew.h"
+#include "vtkQuellCollector.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+
+#include <algorithm>
+
+namespace quell
+{
+/// Progress, and VTK's error and warning events: an observed error is not printed, and failures are reported once, by
+/// the stage's own sentence.
+struct PipelineExecutor::Observer
+{
+  std::function<void(const std::string&, double)> Progress;
+  std::map<vtkObject*, std::string> Names;
+  std::string FirstError;
+  std::vector<std::string> Warnings;
+  vtkNew<vtkCallbackCommand> Command;
+
+  Observer()
+  {
+    this->Command->SetClientData(this);
+    this->Command->SetCallback([](vtkObject* caller, unsigned long event, void* self, void* data) {
+      static_cast<Observer*>(self)->Handle(caller, event, data);
+    });
+  }
+
+  void Handle(vtkObject* caller, unsigned long event, void* data)
+  {
+    const auto name = this->Names.find(caller);
+    switch (event)
+    {
+      case vtkCommand::ErrorEvent:
+        if (this->FirstError.empty() && data)
+        {
+          this->FirstError = static_cast<const char*>(data);
+        }
+        break;
+      case vtkCommand::WarningEvent:
+        if (data)
+        {
+          this->Warnings.push_back(static_cast<const char*>(data));
+        }
+        break;
+      default:
+        if (this->Progress && name != this->Names.end())
+        {
+          const double fraction = event == vtkCommand::StartEvent ? 0.
+            : event == vtkCommand::EndEvent                        ? 1.
+            : data                                                 ? *static_cast<double*>(data)
+                                                                   : 0.;
+          this->Progress(name->second, std::min(1., std::max(0., fraction)));
+        }
+    }
+  }
+
+  void Add(vtkAlgorithm* algorithm, const std::string& name)
+  {
+    this->Names[algorithm] = name;
+    for (unsigned long event : { vtkCommand::StartEvent, vtkCommand::ProgressEvent, vtkCommand::EndEvent,
+           vtkCommand::ErrorEvent, vtkCommand::WarningEvent })
+    {
+      algorithm->AddObserver(event, this->Command);
+    }
+    algorithm->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, this->Command);
+    algorithm->GetExecutive()->AddObserver(vtkCommand::WarningEvent, this->Command);
+  }
+};
+
+PipelineExecutor::PipelineExecutor(std::shared_ptr<const Graph> graph, const StageRegistry& registry)
+  : Plan(graph)
+  , Registry(registry)
+  , Stages(graph->Nodes.size())
+  , Live(graph->Nodes.size(), false)
+  , Collector(vtkSmartPointer<vtkQuellCollector>::New())
+  , Watch(new Observer)
+{
+  this->Watch->Add(this->Collector, "");
+  this->Watch->Names.erase(this->Collector);
+  this->Rebuild();
+}
+
+PipelineExecutor::~PipelineExecutor()
+{
+  // Somebody may hold a stage longer than us; it must not call back.
+  for (const auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      stage->RemoveObserver(this->Watch->Command);
+      stage->GetExecutive()->RemoveObserver(this->Watch->Command);
+    }
+  }
+}
+
+std::string PipelineExecutor::Title(int node) const
+{
+  const GraphNode& n = this->Plan->Nodes[std::size_t(node)];
+  return "node " + Quoted(n.Path) + " (" + n.Type + ")";
+}
+
+std::vector<PipelineExecutor::Target> PipelineExecutor::Targets() const
+{
+  std::vector<Target> targets;
+  if (this->WriteOutputs)
+  {
+    std::vector<bool> isWriter(this->Plan->Nodes.size(), false);
+    for (const GraphOutput& o : this->Plan->Outputs)
+    {
+      if (o.Writer >= 0)
+      {
+        isWriter[std::size_t(o.Writer)] = true;
+        targets.push_back({ o.Writer, {}, false, !o.EveryFrame() });
+      }
+    }
+    for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
+    {
+      if (!isWriter[n] && this->Plan->Nodes[n].Description().Sink)
+      {
+        targets.push_back({ int(n), {}, false, false });
+      }
+    }
+  }
+  for (const auto& r : this->Requests)
+  {
+    targets.push_back({ this->Plan->Find(r.first), r.second, false, false });
+  }
+  return targets;
+}
+
+void PipelineExecutor::Rebuild()
+{
+  if (!this->Stale)
+  {
+    return;
+  }
+  this->Stale = false;
+  std::vector<int> nodes;
+  for (const Target& t : this->Targets())
+  {
+    nodes.push_back(t.Node);
+  }
+  this->Live = this->Plan->Needed(nodes);
+  this->Kept.clear();
+  for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
+  {
+    const GraphNode& node = this->Plan->Nodes[n];
+    if (!this->Live[n])
+    {
+      continue;  // a stage made before stays with its data: a viewer may come back to it
+    }
+    for (const GraphEdge& e : node.Inputs)
+    {
+      if (e.Delayed)
+      {
+        this->Kept[e.Producer].insert(e.Array);
+      }
+    }
+    if (this->Stages[n])
+    {
+      continue;
+    }
+    vtkSmartPointer<vtkQuellStage> stage = this->Registry.Create(node.Type);
+    for (const GraphProperty& p : node.Properties)
+    {
+      std::string error;
+      stage->SetPropertyText(p.Name, p.Text, error);  // checked when the graph was built
+    }
+    stage->SetTimeline(this->Plan->Ticks);
+    stage->SetCancelToken(this->Token);
+    stage->SetMetadata(this->Metadata);
+    this->Watch->Add(stage, node.Path);
+    this->Stages[n] = stage;
+  }
+  for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
+  {
+    vtkQuellStage* stage = this->Stages[n];
+    if (!this->Live[n] || !stage)
+    {
+      continue;
+    }
+    const GraphNode& node = this->Plan->Nodes[n];
+    for (const GraphEdge& e : node.Inputs)
+    {
+      if (e.Delayed)
+      {
+        stage->SetInputArray(e.Port, 0, e.Array);
+        if (!stage->IsDelayed(e.Port))
+        {
+          stage->SetHistory(e.Port, nullptr);
+        }
+      }
+      else if (stage->GetNumberOfInputConnections(e.Port) <= e.Connection)
+      {
+        stage->ConnectInput(node.Description().Inputs[std::size_t(e.Port)].Name,
+          this->Stages[std::size_t(e.Producer)], e.Array);
+      }
+      else
+      {
+        continue;
+      }
+      for (const auto& a : e.Attributes)
+      {
+        std::string error;
+        stage->SetInputAttribute(e.Port, e.Connection, a.first, a.second, error);
+      }
+    }
+  }
+}
+
+void PipelineExecutor::SetCancelToken(std::shared_ptr<CancelToken> token)
+{
+  this->Token = std::move(token);
+  for (const auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      stage->SetCancelToken(this->Token);
+    }
+  }
+}
+
+void PipelineExecutor::SetMetadata(const std::map<std::string, std::string>& entries)
+{
+  this->Metadata = entries;
+  for (const auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      stage->SetMetadata(entries);
+    }
+  }
+}
+
+bool PipelineExecutor::Request(const std::string& node, const ArraySet& arrays)
+{
+  if (this->Plan->Find(node) < 0)
+  {
+    return false;
+  }
+  if (arrays.empty())
+  {
+    this->Requests.erase(node);
+  }
+  else
+  {
+    this->Requests[node] = arrays;
+  }
+  this->Stale = true;
+  this->Rebuild();
+  return true;
+}
+
+void PipelineExecutor::SetWriteOutputs(bool on)
+{
+  this->WriteOutputs = on;
+  this->Stale = true;
+  this->Rebuild();
+}
+
+void PipelineExecutor::SetProgress(std::function<void(const std::string&, double)> progress)
+{
+  this->Watch->Progress = std::move(progress);
+}
+
+void PipelineExecutor::SetHistoryLength(int ticks)
+{
+  this->History = FrameHistory(ticks);
+}
+
+bool PipelineExecutor::SetProperty(
+  const std::string& node, const std::string& name, const std::string& text, std::string& error)
+{
+  vtkQuellStage* stage = this->GetStage(node);
+  if (!stage)
+  {
+    error = "no live node " + Quoted(node);
+    return false;
+  }
+  return stage->SetPropertyText(name, text, error);
+}
+
+vtkQuellStage* PipelineExecutor::GetStage(const std::string& node) const
+{
+  const int n = this->Plan->Find(node);
+  return n < 0 || !this->Live[std::size_t(n)] ? nullptr : this->Stages[std::size_t(n)].GetPointer();
+}
+
+vtkImageData* PipelineExecutor::GetImage(const std::string& node) const
+{
+  vtkQuellStage* stage = this->GetStage(node);
+  return stage ? stage->GetOutput() : nullptr;
+}
+
+bool PipelineExecutor::Information(int node, Rect& whole, std::string& error)
+{
+  this->Watch->FirstError.clear();
+  vtkQuellStage* stage = this->Stages[std::size_t(node)];
+  stage->UpdateInformation();
+  int e[6] = { 0, -1, 0, -1, 0, 0 };
+  // The stage at fault is the first upstream one with an error.
+  for (int n : this->Plan->Order)
+  {
+    const auto& s = this->Stages[std::size_t(n)];
+    if (this->Live[std::size_t(n)] && s && !s->GetErrorText().empty() && !this->Watch->FirstError.empty())
+    {
+      error = this->Title(n) + ": " + s->GetErrorText();
+      return false;
+    }
+  }
+  stage->GetOutputInformation(0)->Get(vtkStreamingDemandDrivenPipeline::WHOLE_EXTENT(), e);
+  whole = { e[0], e[2], e[1] + 1, e[3] + 1 };
+  if (whole.empty())
+  {
+    error = this->Title(node) + ": the size of the frame is unknown";
+    return false;
+  }
+  return true;
+}
+
+bool PipelineExecutor::FrameSize(const std::string& node, int& width, int& height, std::string& error)
+{
+  const int n = this->Plan->Find(node);
+  if (n < 0 || !this->Live[std::size_t(n)])
+  {
+    error = "no live node " + Quoted(node);
+    return false;
+  }
+  Rect whole;
+  if (!this->Information(n, whole, error))
+  {
+    return false;
+  }
+  width = whole.width();
+  height = whole.height();
+  return true;
+}
+
+bool PipelineExecutor::CheckRegion(std::string& error)
+{
+  if (!this->Region)
+  {
+    return true;
+  }
+  for (const Target& t : this->Targets())
+  {
+    Rect whole;
+    if (!this->Information(t.Node, whole, error))
+    {
+      return false;
+    }
+    const Rect region = this->Region->ToFrame(whole.height());
+    if (region.empty() || !whole.contains(region))
+    {
+      error = "the region " + std::to_string(this->Region->X0) + "," + std::to_string(this->Region->Y0) + "," +
+        std::to_string(this->Region->X1) + "," + std::to_string(this->Region->Y1) + " does not lie in the frame of " +
+        std::to_string(whole.width()) + " x " + std::to_string(whole.height()) + " pixels";
+      return false;
+    }
+  }
+  return true;
+}
+
+TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
+{
+  TickResult result;
+  this->Rebuild();
+  this->Watch->FirstError.clear();
+  this->Watch->Warnings.clear();
+
+  for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
+  {
+    if (!this->Live[n])
+    {
+      continue;
+    }
+    for (const GraphEdge& e : this->Plan->Nodes[n].Inputs)
+    {
+      if (e.Delayed)
+      {
+        this->Stages[n]->SetHistory(
+          e.Port, this->History.Find(tick - 1, this->Plan->Nodes[std::size_t(e.Producer)].Path));
+      }
+    }
+  }
+
+  std::map<vtkQuellStage*, std::int64_t> executions;
+  for (const auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      executions[stage] = stage->GetCounters().Executions;
+    }
+  }
+  this->Collector->ClearRequests();
+  // First what runs on the whole frame: VTK unites extents as requests arrive, and a writer's smaller one would replace
+  // the larger one of a producer that has not been visited yet.
+  for (const auto& k : this->Kept)
+  {
+    this->Collector->AddRequest(this->Stages[std::size_t(k.first)], k.second);
+  }
+  for (const Target& t : this->Targets())
+  {
+    if (mode == TickMode::WarmUp || (t.LastOnly && mode != TickMode::LastFrame))
+    {
+      continue;
+    }
+    Rect region;
+    if (this->Region)
+    {
+      Rect whole;
+      if (!this->Information(t.Node, whole, result.Error))
+      {
+        return result;
+      }
+      region = this->Region->ToFrame(whole.height()).clipped(whole);
+      if (region.empty())
+      {
+        result.Error = this->Title(t.Node) + ": the region lies outside the frame";
+        return result;
+      }
+    }
+    this->Collector->AddRequest(this->Stages[std::size_t(t.Node)], t.Arrays, region);
+  }
+  const bool ok = this->Collector->UpdateTick(tick);
+  // Neither does a connection to us keep a stage from being thrown away, nor does one from an earlier pass linger.
+  this->Collector->ClearRequests();
+
+  for (int n : this->Plan->Order)
+  {
+    vtkQuellStage* stage = this->Stages[std::size_t(n)];
+    if (this->Live[std::size_t(n)] && stage && stage->GetCounters().Executions != executions[stage])
+    {
+      for (const std::string& w : stage->GetWarnings())
+      {
+        result.Warnings.push_back(this->Title(n) + ": " + w);
+      }
+      if (ok)
+      {
+        const std::vector<std::string> files = stage->GetFilesWritten();
+        result.Files.insert(result.Files.end(), files.begin(), files.end());
+      }
+    }
+  }
+  for (const std::string& w : this->Watch->Warnings)
+  {
+    result.Warnings.push_back(w.substr(0, w.find_last_not_of(" \n\r\t") + 1));
+  }
+  if (!ok || (this->Token && this->Token->IsCancelled()))
+  {
+    result.Cancelled = this->Token && this->Token->IsCancelled();
+    result.Error = this->Watch->FirstError.empty() ? "the update failed" : this->Watch->FirstError;
+    vtkQuellStage* failed = this->Collector->FailedStage();
+    for (std::size_t n = 0; failed && n < this->Stages.size(); ++n)
+    {
+      if (this->Stages[n] == failed)
+      {
+        result.Error = this->Title(int(n)) + ": " + failed->GetErrorText();
+      }
+    }
+    if (result.Cancelled)
+    {
+      result.Error = "cancelled";
+    }
+    return result;
+  }
+
+  FrameHistory::Frame frame;
+  for (const auto& k : this->Kept)
+  {
+    const std::string& path = this->Plan->Nodes[std::size_t(k.first)].Path;
+    frame[path] = FrameHistory::Keep(
+      this->Stages[std::size_t(k.first)]->GetOutput(), k.second, this->History.Find(tick, path));
+  }
+  if (!frame.empty())
+  {
+    this->History.Commit(tick, std::move(frame));
+  }
+  result.Ok = true;
+  return result;
+}
+
+std::vector<NodeCounters> PipelineExecutor::Counters() const
+{
+  std::vector<NodeCounters> all;
+  for (int n : this->Plan->Order)
+  {
+    if (this->Live[std::size_t(n)] && this->Stages[std::size_t(n)])
+    {
+      const GraphNode& node = this->Plan->Nodes[std::size_t(n)];
+      all.push_back({ node.Path, node.Type, this->Stages[std::size_t(n)]->GetCounters() });
+    }
+  }
+  return all;
+}
+
+void PipelineExecutor::ResetCounters()
+{
+  for (const auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      stage->ResetCounters();
+    }
+  }
+}
+
+std::vector<std::string> PipelineExecutor::Reports() const
+{
+  std::vector<std::string> lines;
+  for (int n : this->Plan->Order)
+  {
+    if (this->Live[std::size_t(n)] && this->Stages[std::size_t(n)])
+    {
+      const std::string line = this->Stages[std::size_t(n)]->GetReport();
+      if (!line.empty())
+      {
+        lines.push_back(line);
+      }
+    }
+  }
+  return lines;
+}
+}
