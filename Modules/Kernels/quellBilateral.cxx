@@ -286,7 +286,10 @@ std::int64_t Bilateral(const BilateralInputs& in, const BilateralParameters& par
       [&](int x, int y)
       {
         const float z = *in.depth.at(x, y);
-        return Finite(z) ? std::log(z > 1e-30f ? double(z) : 1e-30) : nan;
+        if (!Finite(z))
+          return nan;
+        // "Only equal" is asked of the depths themselves: different ones may share a logarithm in float.
+        return parameters.sigmaDepth > 0 ? std::log(z > 1e-30f ? double(z) : 1e-30) : double(z);
       });
   if (uses & UsesId)
     addFeature(0, component(in.id, 0));

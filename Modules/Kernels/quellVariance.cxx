@@ -266,10 +266,10 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
                 (a.sigmaDepth * std::fabs(along) + a.depthEpsilon * std::fabs(z) + VarianceDepthTiny));
               if (a.guides.normal[0])
               {
-                float cosine = 0;
+                double cosine = 0; // its error is multiplied by sigmaNormal
                 for (int c = 0; c < 3; ++c)
-                  cosine += a.guides.normal[c][p] * a.guides.normal[c][q];
-                w *= CosinePower(cosine, a.sigmaNormal);
+                  cosine += double(a.guides.normal[c][p]) * a.guides.normal[c][q];
+                w *= CosinePower(float(cosine), a.sigmaNormal);
               }
               others += w;
             }

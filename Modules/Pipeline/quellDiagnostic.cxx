@@ -144,7 +144,13 @@ std::string DidYouMean(const std::string& name, const std::vector<std::string>& 
     return {};
   }
   const std::string nearest = NearestName(name, names);
-  return nearest.empty() ? nearest : "did you mean " + Quoted(nearest) + "?";
+  // Any two names of a letter or two are near; then only one that contains the other is worth saying.
+  if (nearest.empty() ||
+    (name.size() <= 2 && nearest.find(name) == std::string::npos && name.find(nearest) == std::string::npos))
+  {
+    return {};
+  }
+  return "did you mean " + Quoted(nearest) + "?";
 }
 
 std::string Listed(const std::vector<std::string>& names, std::size_t limit)

@@ -843,8 +843,7 @@ private:
       {
         const std::vector<std::string> types = this->Registry.Types();
         const std::string near = DidYouMean(type.Text, types);
-        const std::string count = std::to_string(types.size()) + " types known, quell nodes lists them";
-        this->Error(item.Type.Place, who, "unknown type " + Quoted(type.Text), near.empty() ? count : near + " (" + count + ")");
+        this->Error(item.Type.Place, who, "unknown type " + Quoted(type.Text), near.empty() ? "quell nodes lists the types" : near);
       }
     }
     if (node.Stage)

@@ -49,9 +49,9 @@ public:
   void Read()
   {
     this->CheckHeader();
-    this->Access.CheckAll();
     this->ReadNodes();
     this->ReadDefaultScene();
+    this->Access.CheckAll();
     this->ReadMaterials();
     this->ReadInstances();
     this->ReadAnimations();

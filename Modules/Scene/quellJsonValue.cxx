@@ -31,9 +31,10 @@ bool JsonValue::Has(const char* key) const
 
 JsonValue JsonValue::Get(const char* key) const
 {
+  const std::string place = this->Place.empty() ? key : this->Place + "." + key;
   if (!this->Has(key))
-    this->Fail(std::string("required property \"") + key + "\" is missing", "add it or export the file again");
-  return { this->Json->at(key), *this->File, this->Place.empty() ? key : this->Place + "." + key };
+    detail::Fail(*this->File, place, "this required property is missing", "add it or export the file again");
+  return { this->Json->at(key), *this->File, place };
 }
 
 std::size_t JsonValue::Size() const

@@ -56,7 +56,7 @@ TEST(FireflyClamp, LedgerIsExactForMillionsOfValues)
   for (float& v : in.data)
     v = (u() - 0.2f) * std::exp(60 * (u() - 0.5f));
   in.data[0] = 1e38f, in.data[1] = -1e38f, in.data[2] = 1e-42f;
-  for (const float threshold : { 5.f, 0.37f, 1e-20f, 1e20f })
+  for (const float threshold : { 5.f, 0.37f, 1e-8f, 1e10f })
   {
     const auto ledger = quell::FireflyClamp(in, threshold, out, rest, e);
     EXPECT_GT(ledger.Clamped, 1000);

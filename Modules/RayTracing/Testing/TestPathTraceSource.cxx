@@ -1,1 +1,443 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "SceneBuilder.h"
+#include "quellFrameFacts.h"
+#include "quellRegisterRayTracing.h"
+#include "quellStageRegistry.h"
+#include "vtkQuellPathTraceSource.h"
+
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkNew.h"
+#include "vtkObject.h"
+#include "vtkPointData.h"
+#include "vtkSMPTools.h"
+#include "vtkStreamingDemandDrivenPipeline.h"
+
 #include <gtest/gtest.h>
+
+#include <cmath>
+
+using namespace quell;
+
+namespace
+{
+/// A room with a lamp, a metal sphere and a mirror, open to a grey sky.
+std::shared_ptr<Scene> Room(bool moving = false)
+{
+  SceneBuilder b;
+  const int white = b.Add(SceneBuilder::Lambert(.7f)), lamp = b.Add(SceneBuilder::Lambert(0, 8)),
+            metal = b.Add(SceneBuilder::Metal(.8f, .4f)), mirror = b.Add(SceneBuilder::Metal(.9f, 0));
+  b.Quad(white, { -2, 0, 2 }, { 4, 0, 0 }, { 0, 0, -4 });
+  b.Quad(mirror, { -2, 0, -2 }, { 4, 0, 0 }, { 0, 1.5f, 0 });
+  b.Quad(lamp, { -.4f, 2, -.4f }, { .8f, 0, 0 }, { 0, 0, .8f });
+  b.Sphere(metal, { .5f, .5f, 0 }, .5f, 16);
+  b.Sky(.2f);
+  b.Camera({ 0, 1, 4 }, .7, .1);
+  if (moving)
+  {
+    Scene& s = *b.Scene;
+    AnimationChannel c;
+    c.Node = 3;
+    c.Times = { 0, 10 };
+    c.Values = { 0, 0, 0, -10, 0, 0 };
+    s.Animation.push_back(c);
+    Node node;
+    s.Nodes.push_back(node);
+    s.Cameras[0].Node = int(s.Nodes.size()) - 1;
+    s.Nodes.back().HasMatrix = false;
+    s.Nodes.back().Translation = { 0, 1, 4 };
+    c.Node = s.Cameras[0].Node;
+    c.Values = { 0, 1, 4, 2, 1, 4 };
+    s.Animation.push_back(c);
+  }
+  return b.Scene;
+}
+
+void Setup(vtkQuellPathTraceSource* s, std::shared_ptr<const Scene> scene, int width = 40, int height = 32, int spp = 2)
+{
+  s->SetScene(scene);
+  s->SetWidth(width);
+  s->SetHeight(height);
+  s->SetSamplesPerPixel(spp);
+  s->SetMaximumBounces(4);
+}
+
+vtkFloatArray* Array(vtkQuellPathTraceSource* s, const char* name)
+{
+  return vtkFloatArray::SafeDownCast(s->GetOutput()->GetPointData()->GetArray(name));
+}
+
+std::vector<float> Copy(vtkQuellPathTraceSource* s, const char* name)
+{
+  vtkFloatArray* a = Array(s, name);
+  return a ? std::vector<float>(a->GetPointer(0), a->GetPointer(0) + a->GetNumberOfValues()) : std::vector<float>();
+}
+
+const ArraySet Everything = { "radiance", "emission", "direct", "indirect", "albedo", "normal", "roughness", "depth",
+  "position", "normalGeometric", "motion", "id", "material", "hitDistance", "variance", "halfA", "halfB", "samples",
+  "alpha" };
+}
+
+TEST(PathTraceSource, IsRegistered)
+{
+  StageRegistry registry;
+  RegisterRayTracingStages(registry);
+  ASSERT_TRUE(registry.Create("PathTraceSource"));
+  EXPECT_EQ(registry.Describe("PathTraceSource")->FindProperty("MaximumBounces")->DefaultText, "-1");
+}
+
+TEST(PathTraceSource, LayersSumToRadiance)
+{
+  vtkNew<vtkQuellPathTraceSource> s;
+  Setup(s, Room());
+  s->SetAlwaysMake(Everything);
+  s->Update();
+  ASSERT_EQ(s->GetErrorText(), "");
+  const auto r = Copy(s, "radiance"), e = Copy(s, "emission"), d = Copy(s, "direct"), i = Copy(s, "indirect"),
+             a = Copy(s, "halfA"), b = Copy(s, "halfB"), v = Copy(s, "variance");
+  ASSERT_EQ(r.size(), 40u * 32u * 3u);
+  double sums[3] = {};
+  for (std::size_t k = 0; k < r.size(); ++k)
+  {
+    ASSERT_NEAR(e[k] + d[k] + i[k], r[k], 4e-7 * (1 + r[k]));
+    ASSERT_NEAR((a[k] + b[k]) / 2, r[k], 4e-7 * (1 + r[k]));
+    sums[0] += e[k];
+    sums[1] += d[k];
+    sums[2] += i[k];
+  }
+  for (double sum : sums)
+    EXPECT_GT(sum, 10);
+  // two samples: the variance of the mean is the squared half difference
+  for (std::size_t p = 0; p < v.size(); ++p)
+  {
+    const double la = .2126 * a[3 * p] + .7152 * a[3 * p + 1] + .0722 * a[3 * p + 2];
+    const double lb = .2126 * b[3 * p] + .7152 * b[3 * p + 1] + .0722 * b[3 * p + 2];
+    ASSERT_NEAR(v[p], (la - lb) * (la - lb) / 4, 1e-4 * (1e-3 + v[p]));
+  }
+}
+
+TEST(PathTraceSource, ArraysHaveTheSameBitsAloneOrTogether)
+{
+  vtkNew<vtkQuellPathTraceSource> all;
+  Setup(all, Room());
+  all->SetAlwaysMake(Everything);
+  all->Update();
+  for (const std::string& name : Everything)
+  {
+    vtkNew<vtkQuellPathTraceSource> one;
+    Setup(one, Room());
+    one->SetAlwaysMake({ name });
+    one->Update();
+    EXPECT_EQ(Copy(one, name.c_str()), Copy(all, name.c_str())) << name;
+  }
+}
+
+TEST(PathTraceSource, RegionIsTheCropBitForBit)
+{
+  vtkNew<vtkQuellPathTraceSource> whole, part;
+  Setup(whole, Room());
+  Setup(part, Room());
+  whole->SetAlwaysMake(Everything);
+  part->SetAlwaysMake(Everything);
+  whole->Update();
+  int extent[6] = { 7, 28, 5, 21, 0, 0 };
+  part->UpdateExtent(extent);
+  ASSERT_EQ(part->GetCounters().Pixels, 22 * 17);
+  for (const std::string& name : Everything)
+  {
+    vtkFloatArray *w = Array(whole, name.c_str()), *p = Array(part, name.c_str());
+    ASSERT_TRUE(w && p) << name;
+    const int n = w->GetNumberOfComponents();
+    for (int y = 5; y <= 21; ++y)
+      ASSERT_EQ(0, memcmp(w->GetPointer((y * 40 + 7) * n), p->GetPointer((y - 5) * 22 * n), sizeof(float) * 22 * n)) << name;
+  }
+}
+
+TEST(PathTraceSource, ThreadsChangeNoBit)
+{
+  std::vector<float> images[2];
+  for (int t = 0; t < 2; ++t)
+    vtkSMPTools::LocalScope(vtkSMPTools::Config{ t + 1 }, [&]() {
+      vtkNew<vtkQuellPathTraceSource> s;
+      Setup(s, Room());
+      s->Update();
+      images[t] = Copy(s, "radiance");
+    });
+  EXPECT_FALSE(images[0].empty());
+  EXPECT_EQ(images[0], images[1]);
+}
+
+TEST(PathTraceSource, SeedsAndTicksDiffer)
+{
+  std::vector<std::vector<float>> images;
+  for (int k = 0; k < 3; ++k)
+  {
+    vtkNew<vtkQuellPathTraceSource> s;
+    Setup(s, Room());
+    s->SetSeed(k == 1);
+    s->SetTimeline({ 0, 5, 24 });
+    s->UpdateInformation();
+    s->UpdateTimeStep(k == 2 ? 1 : 0);
+    images.push_back(Copy(s, "radiance"));
+  }
+  EXPECT_NE(images[0], images[1]);
+  EXPECT_NE(images[0], images[2]);
+}
+
+TEST(PathTraceSource, WhatWasTracedIsKept)
+{
+  vtkNew<vtkQuellPathTraceSource> s;
+  Setup(s, Room());
+  s->Update();
+  const auto first = Copy(s, "radiance");
+  const auto rays = s->GetCounters().Rays;
+  EXPECT_GT(rays, 40 * 32 * 2 * 3);
+  s->Modified();
+  s->Update();
+  EXPECT_EQ(s->GetCounters().Executions, 2);
+  EXPECT_EQ(s->GetCounters().Rays, rays);
+  EXPECT_EQ(Copy(s, "radiance"), first);
+  // one more array costs its own camera rays only
+  s->SetAlwaysMake({ "depth" });
+  s->Update();
+  ASSERT_TRUE(Array(s, "depth"));
+  EXPECT_EQ(s->GetCounters().Rays, rays + 40 * 32 * 2);
+  // another parameter traces again
+  s->SetSeed(5);
+  s->Update();
+  EXPECT_GT(s->GetCounters().Rays, 2 * rays);
+}
+
+TEST(PathTraceSource, UnreadArraysTraceNoBounces)
+{
+  const auto rays = [](ArraySet wanted) {
+    // no radiance by default: ask through the request key only
+    vtkNew<vtkQuellPathTraceSource> s;
+    Setup(s, Room());
+    vtkQuellStage::REQUESTED_ARRAYS();
+    s->UpdateInformation();
+    s->SetAlwaysMake(wanted);
+    s->Update();
+    return double(s->GetCounters().Rays) / (40 * 32 * 2);
+  };
+  EXPECT_EQ(rays({ "depth", "id", "material", "position", "motion", "normalGeometric", "alpha" }), 1);
+  EXPECT_EQ(rays({ "samples" }), 0);
+  const double guides = rays({ "albedo", "normal" }), emission = rays({ "emission" }), direct = rays({ "direct" }),
+               full = rays({ "radiance" });
+  EXPECT_GT(guides, 1);  // through the mirror
+  EXPECT_LT(guides, 1.5);
+  EXPECT_LT(emission, 1.5);
+  EXPECT_LT(direct, 3.6);
+  EXPECT_GT(full, direct + .5);
+}
+
+TEST(PathTraceSource, BackgroundsAndConsistency)
+{
+  vtkNew<vtkQuellPathTraceSource> s;
+  Setup(s, Room(), 40, 32, 3);
+  s->SetAlwaysMake(Everything);
+  s->Update();
+  int sky = 0, mirror = 0;
+  for (vtkIdType p = 0; p < 40 * 32; ++p)
+  {
+    const bool hit = std::isfinite(Array(s, "depth")->GetValue(p));
+    EXPECT_EQ(hit, Array(s, "id")->GetValue(p) > 0);
+    EXPECT_EQ(hit, Array(s, "alpha")->GetValue(p) > 0);
+    EXPECT_EQ(Array(s, "samples")->GetValue(p), 3);
+    if (!hit)
+    {
+      ++sky;
+      for (int c = 0; c < 3; ++c)
+      {
+        EXPECT_EQ(Array(s, "albedo")->GetTypedComponent(p, c), 1.f);
+        EXPECT_EQ(Array(s, "normal")->GetTypedComponent(p, c), 0.f);
+        EXPECT_EQ(Array(s, "position")->GetTypedComponent(p, c), 0.f);
+        EXPECT_NEAR(Array(s, "radiance")->GetTypedComponent(p, c), .2f, 1e-6f);
+        EXPECT_EQ(Array(s, "direct")->GetTypedComponent(p, c), 0.f);
+      }
+      EXPECT_TRUE(std::isinf(Array(s, "hitDistance")->GetValue(p)));
+    }
+    mirror += Array(s, "id")->GetValue(p) == 2;
+    EXPECT_EQ(Array(s, "motion")->GetTypedComponent(p, 0), 0.f);
+    EXPECT_EQ(Array(s, "motion")->GetTypedComponent(p, 1), 0.f);
+  }
+  EXPECT_GT(sky, 50);
+  EXPECT_GT(mirror, 50);
+}
+
+TEST(PathTraceSource, FactsProjectPositionsToTheirPixels)
+{
+  vtkNew<vtkQuellPathTraceSource> s;
+  Setup(s, Room(), 41, 31, 1);
+  s->SetPixelJitter(vtkQuellPathTraceSource::None);
+  s->SetAlwaysMake({ "position", "depth" });
+  s->Update();
+  const FrameFacts f = FrameFacts::Read(s->GetOutput()->GetFieldData());
+  ASSERT_TRUE(f.HasCamera);
+  for (int y = 0; y < 31; ++y)
+    for (int x = 0; x < 41; ++x)
+    {
+      const float depth = Array(s, "depth")->GetValue(y * 41 + x);
+      if (!std::isfinite(depth))
+        continue;
+      double p[3], c[4];
+      Array(s, "position")->GetTuple(y * 41 + x, p);
+      for (int i = 0; i < 4; ++i)
+        c[i] = f.WorldToNdc.m[i][0] * p[0] + f.WorldToNdc.m[i][1] * p[1] + f.WorldToNdc.m[i][2] * p[2] + f.WorldToNdc.m[i][3];
+      ASSERT_NEAR((c[0] / c[3] + 1) / 2 * 41, x + .5, 1e-4);
+      ASSERT_NEAR((c[1] / c[3] + 1) / 2 * 31, y + .5, 1e-4);
+      ASSERT_NEAR(c[3], depth, 1e-5 * depth);
+      ASSERT_NEAR(-(f.WorldToCamera.Point({ p[0], p[1], p[2] }).z), depth, 1e-5 * depth);
+    }
+}
+
+TEST(PathTraceSource, MotionFollowsCameraAndObjects)
+{
+  vtkNew<vtkQuellPathTraceSource> s;
+  Setup(s, Room(true), 64, 48, 1);
+  s->SetTimeline({ 0, 10, 10 });
+  s->SetAlwaysMake({ "position", "motion", "id" });
+  s->UpdateInformation();
+  s->UpdateTimeStep(3);
+  const FrameFacts before = FrameFacts::Read(s->GetOutput()->GetFieldData());
+  s->UpdateTimeStep(4);
+  ASSERT_EQ(s->GetErrorText(), "");
+  const FrameFacts now = FrameFacts::Read(s->GetOutput()->GetFieldData());
+  EXPECT_EQ(now.Tick, 4);
+  EXPECT_NEAR(now.Time, .4, 1e-12);
+  int counts[2] = {};
+  const auto pixel = [](const FrameFacts& f, const Vec3d& p) {
+    double c[4];
+    for (int i = 0; i < 4; ++i)
+      c[i] = f.WorldToNdc.m[i][0] * p.x + f.WorldToNdc.m[i][1] * p.y + f.WorldToNdc.m[i][2] * p.z + f.WorldToNdc.m[i][3];
+    return Vec2<double>{ (c[0] / c[3] + 1) * 32, (c[1] / c[3] + 1) * 24 };
+  };
+  for (int k = 0; k < 64 * 48; ++k)
+  {
+    const float id = Array(s, "id")->GetValue(k);
+    if (id == 0)
+    {
+      // a camera that does not turn: the sky stands still
+      EXPECT_NEAR(Array(s, "motion")->GetTypedComponent(k, 0), 0, 1e-6);
+      continue;
+    }
+    double q[3];
+    Array(s, "position")->GetTuple(k, q);
+    const Vec3d p(q[0], q[1], q[2]);
+    // the sphere went 0.1 to the left per tick
+    const Vec3d then = id == 4 ? p + Vec3d(.1, 0, 0) : p;
+    const Vec2<double> a = pixel(now, p), b = pixel(before, then);
+    ASSERT_NEAR(Array(s, "motion")->GetTypedComponent(k, 0), b.x - a.x, 2e-4);
+    ASSERT_NEAR(Array(s, "motion")->GetTypedComponent(k, 1), b.y - a.y, 2e-4);
+    ++counts[id == 4];
+  }
+  EXPECT_GT(counts[0], 500);
+  EXPECT_GT(counts[1], 50);
+}
+
+TEST(PathTraceSource, ExtremesStayFinite)
+{
+  vtkNew<vtkQuellPathTraceSource> s;
+  const auto check = [&](std::shared_ptr<Scene> scene, int w, int h, const char* what) {
+    Setup(s, scene, w, h, 4);
+    s->SetAlwaysMake({ "radiance", "albedo", "normal", "variance", "position" });
+    s->Update();
+    ASSERT_EQ(s->GetErrorText(), "") << what;
+    for (const char* name : { "radiance", "albedo", "normal", "position" })
+      for (float v : Copy(s, name))
+        ASSERT_TRUE(std::isfinite(v)) << what << ' ' << name;
+  };
+  check(std::make_shared<Scene>(), 5, 4, "nothing at all");
+  auto room = Room();
+  check(room, 1, 1, "one pixel");
+  room = Room();
+  room->Sky = Environment();
+  room->Materials[1].Emission = Vec3f();
+  check(room, 16, 16, "no light");
+  for (float v : Copy(s, "radiance"))
+    ASSERT_EQ(v, 0.f);
+  room = Room();
+  room->Materials[1].Emission = Vec3f(1e30f);
+  check(room, 16, 16, "1e30");
+  room = Room();
+  room->Materials[1].Emission = Vec3f(3e38f);
+  check(room, 16, 16, "3e38");
+  room = Room();
+  room->Meshes[3].Positions[40].x = std::numeric_limits<float>::quiet_NaN();
+  room->Meshes[2].Positions[2] = room->Meshes[2].Positions[0];
+  check(room, 16, 16, "NaN vertex, lamp without area");
+  EXPECT_FALSE(s->GetWarnings().empty());
+  for (float roughness : { 0.f, .03f, .05f, 1.f })
+  {
+    room = Room();
+    room->Materials[0].BaseColor = Vec3f(1.f);
+    room->Materials[2].Roughness = roughness;
+    check(room, 16, 16, "roughness");
+  }
+}
+
+TEST(PathTraceSource, FarFromTheOriginIsTheSameImage)
+{
+  const Vec3d far(1e6, -1e6, 1e6);
+  std::vector<float> images[2];
+  for (int k = 0; k < 2; ++k)
+  {
+    auto room = Room();
+    if (k)
+    {
+      for (Node& n : room->Nodes)
+        n.Translation = far;
+      for (int i = 0; i < 3; ++i)
+        room->Cameras[0].WorldFromCamera.m[i][3] += far[i];
+    }
+    vtkNew<vtkQuellPathTraceSource> s;
+    Setup(s, room, 40, 32, 4);
+    s->Update();
+    images[k] = Copy(s, "radiance");
+    const FrameFacts f = FrameFacts::Read(s->GetOutput()->GetFieldData());
+    EXPECT_EQ(Length(f.Origin) > 1e6, k == 1);
+  }
+  double error = 0, sum = 0;
+  for (std::size_t i = 0; i < images[0].size(); ++i)
+  {
+    error += std::fabs(images[0][i] - images[1][i]);
+    sum += images[0][i];
+  }
+  EXPECT_LT(error, 5e-3 * sum);
+}
+
+TEST(PathTraceSource, ClampBoundsSamples)
+{
+  vtkNew<vtkQuellPathTraceSource> s;
+  Setup(s, Room(), 40, 32, 1);
+  s->SetSampleClamp(.3);
+  s->SetAlwaysMake({ "direct", "indirect" });
+  s->Update();
+  double longest = 0;
+  for (const char* name : { "direct", "indirect" })
+  {
+    const auto v = Copy(s, name);
+    for (std::size_t i = 0; i < v.size(); i += 3)
+      longest = std::max(longest, std::sqrt(double(v[i]) * v[i] + v[i + 1] * v[i + 1] + v[i + 2] * v[i + 2]));
+  }
+  EXPECT_NEAR(longest, .3, 1e-5);
+}
+
+TEST(PathTraceSource, MistakesAreToldBeforeTracing)
+{
+  vtkObject::GlobalWarningDisplayOff();
+  vtkNew<vtkQuellPathTraceSource> s;
+  s->UpdateInformation();
+  EXPECT_NE(s->GetErrorText().find("set Scene"), std::string::npos);
+  s->SetScene(std::string("/nowhere/at-all.gltf"));
+  s->UpdateInformation();
+  EXPECT_NE(s->GetErrorText().find("at-all.gltf"), std::string::npos);
+  s->SetScene(Room());
+  s->SetCamera("garden");
+  s->UpdateInformation();
+  EXPECT_NE(s->GetErrorText().find("garden"), std::string::npos);
+  s->SetCamera("0");
+  s->Update();
+  EXPECT_EQ(s->GetErrorText(), "");
+  vtkObject::GlobalWarningDisplayOn();
+}

@@ -1,0 +1,559 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellRegisterDenoising.h"
+#include "vtkDataArray.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkNew.h"
+#include "vtkObjectFactory.h"
+#include "vtkPointData.h"
+#include "vtkQuellATrousFilter.h"
+#include "vtkQuellAlbedoDemodulate.h"
+#include "vtkQuellAlbedoModulate.h"
+#include "vtkQuellAovSplit.h"
+#include "vtkQuellBilateralFilter.h"
+#include "vtkQuellCollector.h"
+#include "vtkQuellFireflyClamp.h"
+#include "vtkQuellSum.h"
+#include "vtkQuellVarianceEstimate.h"
+#include "vtkSMPTools.h"
+
+#include <gtest/gtest.h>
+
+#include <cfloat>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <map>
+
+namespace
+{
+const float Inf = std::numeric_limits<float>::infinity();
+const float NaN = std::numeric_limits<float>::quiet_NaN();
+
+float Hash(int x, int y, int c, int salt)
+{
+  std::uint32_t h = std::uint32_t(x) * 0x9E3779B1u ^ std::uint32_t(y) * 0x85EBCA77u ^ std::uint32_t(c * 97 + salt) * 0xC2B2AE3Du;
+  h ^= h >> 15;
+  h *= 0x2C1B3C6Du;
+  h ^= h >> 12;
+  h *= 0x297A2D39u;
+  h ^= h >> 15;
+  return float(h >> 8) * 0x1p-24f;
+}
+
+/// A noisy frame whose arrays are functions of the pixel; arrays that the table does not know have 3 components.
+class vtkQuellNoisyFrame : public vtkQuellStage
+{
+public:
+  QUELL_STAGE(vtkQuellNoisyFrame);
+  vtkSetClampMacro(Width, int, 1, 4096);
+  vtkGetMacro(Width, int);
+  vtkSetClampMacro(Height, int, 1, 4096);
+  vtkGetMacro(Height, int);
+  /// Replaces the value of (array, x, y, component).
+  std::function<float(const std::string&, int, int, int, float)> Change;
+  std::string Missing;
+  int Runs = 0;
+  quell::Rect LastRegion;
+
+  float Value(const std::string& name, int x, int y, int c) const
+  {
+    const bool right = x > this->Width / 2, sky = x > this->Width * 3 / 4 && y > this->Height * 3 / 4;
+    const int salt = name.empty() ? 0 : name[0] * 31 + int(name.size());
+    float v = (right ? 2.f : 0.5f) * (0.3f + 1.4f * Hash(x, y, c, salt));
+    if (name == "depth")
+      v = sky ? Inf : right ? 9.f + 0.02f * y : 4.f + 0.01f * x + 0.02f * y;
+    else if (name == "normal")
+      v = sky ? 0.f : c == 2 ? std::cos(right ? 0.7f : 0.05f * std::sin(0.3f * x)) : c == 0 ? std::sin(right ? 0.7f : 0.05f * std::sin(0.3f * x)) : 0.f;
+    else if (name == "id")
+      v = sky ? 0.f : right ? 2.f : 1.f;
+    else if (name == "history")
+      v = float(int(8 * Hash(x, y, 0, 5)));
+    else if (name == "albedo")
+      v = ((x / 3 + y / 3) & 1) ? 0.7f : 0.f;
+    return this->Change ? this->Change(name, x, y, c, v) : v;
+  }
+
+protected:
+  vtkQuellNoisyFrame() { this->InitializePorts(); }
+  void DescribeSource(int& w, int& h) override
+  {
+    w = this->Width;
+    h = this->Height;
+  }
+  void Execute(quell::StageFrame& frame) override
+  {
+    ++this->Runs;
+    this->LastRegion = frame.Region();
+    for (const std::string& name : frame.WantedArrays())
+    {
+      if (name == this->Missing)
+        continue;
+      const quell::ArrayType* type = quell::FindArray(name);
+      const quell::ImageOut out = type ? frame.Output(name) : frame.AddOutput(name, 3);
+      const quell::Rect r = frame.Region();
+      for (int y = r.y0; y < r.y1; ++y)
+        for (int x = r.x0; x < r.x1; ++x)
+          for (int c = 0; c < out.components; ++c)
+            out.at(x, y)[c] = this->Value(name, x, y, c);
+    }
+  }
+
+private:
+  int Width = 75;
+  int Height = 70;
+};
+vtkStandardNewMacro(vtkQuellNoisyFrame);
+QUELL_STAGE_DESCRIPTION(vtkQuellNoisyFrame)
+void vtkQuellNoisyFrame::Describe(quell::StageDescription& d)
+{
+  d.Category = "Test";
+  for (const quell::ArrayType& a : quell::KnownArrays())
+    d.Output(a.Name, a.Kind, a.Doc);
+}
+
+struct Quiet
+{
+  Quiet() { vtkObject::SetGlobalWarningDisplay(0); }
+  ~Quiet() { vtkObject::SetGlobalWarningDisplay(1); }
+};
+
+/// Connects every input of the stage to the source.
+void ConnectAll(vtkQuellStage* stage, vtkAlgorithm* source)
+{
+  for (const quell::InputPort& port : stage->GetDescription().Inputs)
+    stage->ConnectInput(port.Name, source);
+}
+
+quell::ArraySet Outputs(vtkQuellStage* stage)
+{
+  quell::ArraySet names;
+  for (const quell::OutputArray& out : stage->GetDescription().Outputs)
+    names.insert(out.Name);
+  return names;
+}
+
+using Pixels = std::map<std::string, std::vector<float>>;
+Pixels Read(vtkQuellStage* stage)
+{
+  Pixels pixels;
+  vtkImageData* image = stage->GetOutput();
+  for (const std::string& name : Outputs(stage))
+    if (auto array = vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(name.c_str())))
+      pixels[name].assign(array->GetPointer(0), array->GetPointer(0) + array->GetNumberOfValues());
+  return pixels;
+}
+
+bool Same(const std::vector<float>& a, const std::vector<float>& b)
+{
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+}
+
+std::vector<std::string> Types()
+{
+  quell::StageRegistry registry;
+  quell::RegisterDenoisingStages(registry);
+  return registry.Types();
+}
+
+vtkSmartPointer<vtkQuellStage> Make(const std::string& type)
+{
+  quell::StageRegistry registry;
+  quell::RegisterDenoisingStages(registry);
+  vtkSmartPointer<vtkQuellStage> stage = registry.Create(type);
+  std::string error;
+  if (type == "ATrousFilter") // two passes halo 6: crops of a small frame are real crops
+  {
+    EXPECT_TRUE(stage->SetPropertyText("Iterations", "2", error)) << error;
+  }
+  return stage;
+}
+
+class EveryStage : public testing::TestWithParam<std::string>
+{
+};
+std::string NameOf(const testing::TestParamInfo<std::string>& info)
+{
+  return info.param;
+}
+}
+
+TEST_P(EveryStage, ExecutesOnceAndNothingTheSecondTime)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  auto stage = Make(GetParam());
+  ConnectAll(stage, source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(stage, Outputs(stage));
+  ASSERT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+  EXPECT_EQ(stage->GetCounters().Executions, 1);
+  EXPECT_EQ(source->Runs, 1);
+  EXPECT_EQ(Read(stage).size(), Outputs(stage).size());
+  ASSERT_TRUE(sink->UpdateTick(0));
+  EXPECT_EQ(stage->GetCounters().Executions, 1);
+  EXPECT_EQ(source->Runs, 1);
+}
+
+TEST_P(EveryStage, RegionEqualsCropAndReadsItsHalo)
+{
+  // NaN pixels too: what fills them may not depend on the region.
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->Change = [](const std::string& name, int x, int y, int, float v) {
+    return name != "id" && Hash(x, y, 0, name[0]) < 0.01f ? NaN : v;
+  };
+  auto stage = Make(GetParam());
+  ConnectAll(stage, source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(stage, Outputs(stage));
+  ASSERT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+  const Pixels full = Read(stage);
+  int halo = 0;
+  for (int p = 0; p < stage->GetNumberOfInputPorts(); ++p)
+    halo = std::max(halo, stage->HaloFor(p));
+  for (const quell::Rect r : { quell::Rect{ 20, 22, 41, 30 }, quell::Rect{ 0, 0, 3, 70 }, quell::Rect{ 70, 60, 75, 70 },
+         quell::Rect{ 37, 37, 38, 38 } })
+  {
+    sink->ClearRequests();
+    sink->AddRequest(stage, Outputs(stage), r);
+    source->Modified();
+    ASSERT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+    EXPECT_EQ(source->LastRegion, r.grown(halo).clipped({ 0, 0, 75, 70 }));
+    const Pixels crop = Read(stage);
+    for (const auto& entry : crop)
+    {
+      const std::vector<float>& whole = full.at(entry.first);
+      const size_t n = whole.size() / (75 * 70);
+      ASSERT_EQ(entry.second.size(), n * r.area());
+      for (int y = r.y0; y < r.y1; ++y)
+        ASSERT_EQ(0, std::memcmp(entry.second.data() + (y - r.y0) * r.width() * n, whole.data() + (y * 75 + r.x0) * n,
+                       r.width() * n * sizeof(float)))
+          << entry.first << " row " << y;
+    }
+  }
+}
+
+TEST_P(EveryStage, SameBitsForAnyNumberOfThreads)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  auto stage = Make(GetParam());
+  ConnectAll(stage, source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(stage, Outputs(stage));
+  Pixels first;
+  for (const int threads : { 1, 2, 3 })
+  {
+    vtkSMPTools::Initialize(threads);
+    stage->Modified();
+    ASSERT_TRUE(sink->UpdateTick(0));
+    const Pixels now = Read(stage);
+    if (first.empty())
+      first = now;
+    for (const auto& entry : first)
+      EXPECT_TRUE(Same(entry.second, now.at(entry.first))) << entry.first << " " << threads;
+  }
+  vtkSMPTools::Initialize(0);
+  EXPECT_EQ(stage->GetCounters().Executions, 3);
+}
+
+TEST_P(EveryStage, ExtremesStayFinite)
+{
+  const std::map<std::string, std::function<float(const std::string&, int, int, int, float)>> cases = {
+    { "all NaN", [](const std::string&, int, int, int, float) { return NaN; } },
+    { "all infinite", [](const std::string&, int, int, int, float) { return Inf; } },
+    { "zero", [](const std::string&, int, int, int, float) { return 0.f; } },
+    { "denormal", [](const std::string&, int, int, int, float) { return 1e-42f; } },
+    { "1e30", [](const std::string&, int, int, int, float) { return 1e30f; } },
+    { "largest", [](const std::string& n, int, int, int, float v) { return n == "depth" || n == "id" ? v : FLT_MAX; } },
+    { "a single 1e30", [](const std::string&, int x, int y, int, float v) { return x == 9 && y == 9 ? 1e30f : v; } },
+    { "negative", [](const std::string&, int, int, int, float v) { return -v; } },
+    { "poison", [](const std::string&, int x, int y, int c, float v) {
+       const float h = Hash(x, y, c, 77);
+       return h < 0.02f ? NaN : h < 0.04f ? Inf : h < 0.06f ? -Inf : h < 0.08f ? 1e30f : h < 0.1f ? -1e-6f : v;
+     } },
+  };
+  for (const quell::Rect size : { quell::Rect{ 0, 0, 24, 20 }, quell::Rect{ 0, 0, 1, 1 }, quell::Rect{ 0, 0, 1, 9 }, quell::Rect{ 0, 0, 17, 1 } })
+    for (const auto& c : cases)
+    {
+      vtkNew<vtkQuellNoisyFrame> source;
+      source->SetWidth(size.x1);
+      source->SetHeight(size.y1);
+      source->Change = c.second;
+      auto stage = Make(GetParam());
+      ConnectAll(stage, source);
+      vtkNew<vtkQuellCollector> sink;
+      sink->AddRequest(stage, Outputs(stage));
+      ASSERT_TRUE(sink->UpdateTick(0)) << c.first << ": " << stage->GetErrorText();
+      for (const auto& entry : Read(stage))
+        for (const float v : entry.second)
+          ASSERT_TRUE(std::isfinite(v)) << c.first << ": " << entry.first << " " << size.x1 << " x " << size.y1;
+      if (c.first == "all NaN")
+        EXPECT_GT(stage->GetCounters().NonFinite, 0);
+      if (c.first == "all NaN")
+        EXPECT_FALSE(stage->GetWarnings().empty());
+      if (c.first == "zero")
+        EXPECT_EQ(stage->GetCounters().NonFinite, 0);
+    }
+}
+
+TEST_P(EveryStage, MissingArrayAndMissingConnectionAreExplained)
+{
+  Quiet quiet;
+  auto stage = Make(GetParam());
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(stage, Outputs(stage));
+  EXPECT_FALSE(sink->UpdateTick(0));
+  EXPECT_NE(stage->GetErrorText().find("is not connected"), std::string::npos) << stage->GetErrorText();
+
+  // A foreign producer that simply lacks the array.
+  vtkNew<vtkImageData> image;
+  image->SetExtent(0, 7, 0, 7, 0, 0);
+  vtkNew<vtkFloatArray> other;
+  other->SetName("something");
+  other->SetNumberOfComponents(1);
+  other->SetNumberOfTuples(64);
+  image->GetPointData()->AddArray(other);
+  stage = Make(GetParam());
+  stage->SetInputData(0, image);
+  for (int p = 1; p < stage->GetNumberOfInputPorts(); ++p)
+    if (!stage->GetDescription().Inputs[p].Optional)
+      stage->SetInputData(p, image);
+  stage->Update();
+  EXPECT_NE(stage->GetErrorText().find("has no array"), std::string::npos) << stage->GetErrorText();
+  EXPECT_NE(stage->GetErrorText().find("something"), std::string::npos) << stage->GetErrorText();
+  EXPECT_EQ(stage->GetOutput()->GetNumberOfPoints(), 0);
+}
+
+TEST_P(EveryStage, PropertiesRefuseWhatIsOutOfRange)
+{
+  auto stage = Make(GetParam());
+  for (const quell::Property& p : stage->GetDescription().Properties)
+  {
+    const std::string before = stage->GetPropertyText(p.Name);
+    std::string error;
+    EXPECT_TRUE(stage->SetPropertyText(p.Name, before, error)) << p.Name << " " << error;
+    EXPECT_EQ(stage->GetPropertyText(p.Name), before);
+    EXPECT_FALSE(p.Doc.empty());
+    std::vector<std::string> wrong = { "nan", "inf", "", "blue" };
+    if (p.Kind != quell::Property::Type::Enum)
+    {
+      ASSERT_LT(p.Minimum, p.Maximum) << p.Name;
+      wrong.push_back(std::to_string(p.Minimum - 1));
+      wrong.push_back("1e38");
+      char text[64];
+      for (const double edge : { p.Minimum, p.Maximum })
+      {
+        std::snprintf(text, sizeof text, p.Kind == quell::Property::Type::Int ? "%.0f" : "%.17g", edge);
+        EXPECT_TRUE(stage->SetPropertyText(p.Name, text, error)) << p.Name << " " << error;
+      }
+      stage->SetPropertyText(p.Name, before, error);
+    }
+    for (const std::string& text : wrong)
+    {
+      error.clear();
+      EXPECT_FALSE(stage->SetPropertyText(p.Name, text, error)) << p.Name << " = " << text;
+      EXPECT_FALSE(error.empty());
+      EXPECT_EQ(stage->GetPropertyText(p.Name), before);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Denoising, EveryStage, testing::ValuesIn(Types()), NameOf);
+
+TEST(DenoisingChain, DemodulateModulateIsTheIdentity)
+{
+  vtkNew<vtkQuellNoisyFrame> source; // its albedo is 0 in every other square
+  vtkNew<vtkQuellAlbedoDemodulate> demod;
+  vtkNew<vtkQuellAlbedoModulate> mod;
+  demod->ConnectInput("radiance", source);
+  demod->ConnectInput("albedo", source);
+  mod->ConnectInput("illumination", demod);
+  mod->ConnectInput("albedo", source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(mod, { "radiance" });
+  sink->AddRequest(source, { "radiance" });
+  sink->AddRequest(demod, { "illumination" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  EXPECT_EQ(source->Runs, 1);
+  const auto out = Read(mod).at("radiance");
+  auto in = vtkFloatArray::SafeDownCast(source->GetOutput()->GetPointData()->GetArray("radiance"));
+  for (size_t i = 0; i < out.size(); ++i)
+    ASSERT_NEAR(out[i] / in->GetValue(vtkIdType(i)), 1, 1.3e-7);
+  EXPECT_FALSE(Same(Read(demod).at("illumination"), out));
+}
+
+TEST(DenoisingChain, ClampPlusResidualIsTheInput)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  vtkNew<vtkQuellFireflyClamp> clamp;
+  clamp->SetThreshold(1.5);
+  clamp->ConnectInput("radiance", source);
+  vtkNew<vtkQuellSum> sum;
+  sum->ConnectInput("radiance", clamp, "radiance");
+  sum->ConnectInput("radiance", clamp, "residual");
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(sum, { "radiance" });
+  sink->AddRequest(source, { "radiance" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  auto in = vtkFloatArray::SafeDownCast(source->GetOutput()->GetPointData()->GetArray("radiance"));
+  EXPECT_EQ(0, std::memcmp(Read(sum).at("radiance").data(), in->GetPointer(0), 75 * 70 * 3 * sizeof(float)));
+  EXPECT_GT(clamp->GetClampedPixels(), 100);
+  EXPECT_LT(clamp->GetClampedPixels(), 75 * 70);
+  EXPECT_GT(clamp->GetEnergyRemoved(), 0);
+  EXPECT_LT(clamp->GetEnergyRemoved(), clamp->GetEnergyIn());
+  EXPECT_NE(clamp->GetReport().find("removed"), std::string::npos);
+}
+
+TEST(DenoisingChain, SumKeepsTheOrderOfConnections)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->Change = [](const std::string& name, int, int, int, float) {
+    return name == "direct" ? 1e8f : name == "indirect" ? 1.f : -1e8f;
+  };
+  vtkNew<vtkQuellSum> sum;
+  for (const char* name : { "direct", "indirect", "residual" })
+    sum->ConnectInput("radiance", source, name);
+  sum->Update();
+  EXPECT_EQ(Read(sum).at("radiance")[0], 0.f);
+  vtkNew<vtkQuellSum> other;
+  for (const char* name : { "direct", "residual", "indirect" })
+    other->ConnectInput("radiance", source, name);
+  other->Update();
+  EXPECT_EQ(Read(other).at("radiance")[0], 1.f);
+}
+
+TEST(ATrousStage, IterationsZeroIsIdentityAndFiveReachTheirHalo)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->SetWidth(200);
+  source->SetHeight(180);
+  vtkNew<vtkQuellATrousFilter> filter;
+  EXPECT_EQ(filter->HaloFor(0), 62);
+  ConnectAll(filter, source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(filter, { "radiance", "variance", "feedback" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  const Pixels full = Read(filter);
+  const quell::Rect r{ 92, 85, 101, 93 };
+  sink->ClearRequests();
+  sink->AddRequest(filter, { "radiance", "variance", "feedback" }, r);
+  ASSERT_TRUE(sink->UpdateTick(0));
+  const Pixels crop = Read(filter);
+  for (const auto& entry : crop)
+  {
+    const size_t n = entry.second.size() / r.area();
+    for (int y = r.y0; y < r.y1; ++y)
+      ASSERT_EQ(0, std::memcmp(entry.second.data() + (y - r.y0) * r.width() * n,
+                     full.at(entry.first).data() + (y * 200 + r.x0) * n, r.width() * n * sizeof(float)))
+        << entry.first;
+  }
+  filter->SetIterations(0);
+  sink->ClearRequests();
+  sink->AddRequest(filter, { "radiance" });
+  sink->AddRequest(source, { "radiance" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  auto in = vtkFloatArray::SafeDownCast(source->GetOutput()->GetPointData()->GetArray("radiance"));
+  EXPECT_EQ(0, std::memcmp(Read(filter).at("radiance").data(), in->GetPointer(0), 200 * 180 * 3 * sizeof(float)));
+}
+
+TEST(ATrousStage, FeedbackIsTheColourAfterThatPass)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  vtkNew<vtkQuellATrousFilter> three, one;
+  three->SetIterations(3);
+  one->SetIterations(1);
+  ConnectAll(three, source);
+  ConnectAll(one, source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(three, { "radiance", "feedback" });
+  sink->AddRequest(one, { "radiance" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  EXPECT_TRUE(Same(Read(three).at("feedback"), Read(one).at("radiance")));
+  EXPECT_FALSE(Same(Read(three).at("feedback"), Read(three).at("radiance")));
+  three->SetFeedbackIteration(9);
+  ASSERT_TRUE(sink->UpdateTick(0));
+  EXPECT_TRUE(Same(Read(three).at("feedback"), Read(three).at("radiance")));
+}
+
+TEST(ATrousStage, VarianceOutputWithoutInputWarns)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  vtkNew<vtkQuellATrousFilter> filter;
+  filter->SetIterations(1);
+  filter->ConnectInput("radiance", source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(filter, { "radiance", "variance" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  ASSERT_EQ(filter->GetWarnings().size(), 1u);
+}
+
+TEST(VarianceStage, SvgfChainReducesNoise)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->Change = [](const std::string& name, int x, int, int, float v) { return name == "history" ? 1.f + 0 * x : v; };
+  vtkNew<vtkQuellVarianceEstimate> variance;
+  vtkNew<vtkQuellATrousFilter> filter;
+  for (const char* port : { "radiance", "depth", "normal" })
+    variance->ConnectInput(port, source);
+  filter->ConnectInput("radiance", variance, "radiance");
+  filter->ConnectInput("variance", variance, "variance");
+  filter->ConnectInput("depth", source);
+  filter->ConnectInput("normal", source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(filter, { "radiance" });
+  sink->AddRequest(source, { "radiance" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  // Left wall: uniform in [.15, .85], mean .5, variance .7^2 / 12 per channel.
+  const auto out = Read(filter).at("radiance");
+  double error = 0;
+  for (int y = 10; y < 60; ++y)
+    for (int x = 6; x < 32; ++x)
+      error += std::pow(out[(y * 75 + x) * 3] - 0.5, 2) / (50 * 26);
+  EXPECT_LT(error, 0.04 * 0.49 / 12);
+}
+
+TEST(BilateralStage, AutomaticRadius)
+{
+  vtkNew<vtkQuellBilateralFilter> filter;
+  EXPECT_EQ(filter->HaloFor(0), 6);
+  filter->SetSigmaSpatial(1.5);
+  EXPECT_EQ(filter->HaloFor(0), 5);
+  filter->SetSigmaSpatial(1e30);
+  EXPECT_EQ(filter->HaloFor(0), 64);
+  filter->SetRadius(3);
+  EXPECT_EQ(filter->HaloFor(0), 3);
+  filter->SetRadius(0);
+  EXPECT_EQ(filter->HaloFor(0), 1);
+}
+
+TEST(AovSplitStage, WarnsWhenTheSumFails)
+{
+  Quiet quiet;
+  vtkNew<vtkQuellNoisyFrame> source;
+  vtkNew<vtkQuellAovSplit> split;
+  ConnectAll(split, source); // random passes do not add up
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(split, { "residual" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  ASSERT_EQ(split->GetWarnings().size(), 1u);
+  EXPECT_NE(split->GetWarnings()[0].find("do not add up"), std::string::npos);
+  EXPECT_GT(split->GetPixelsOver(), 1000);
+  EXPECT_FALSE(split->GetReport().empty());
+
+  vtkNew<vtkQuellAovSplit> alone;
+  alone->ConnectInput("combined", source);
+  sink->ClearRequests();
+  sink->AddRequest(alone, { "direct", "radiance", "residual" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  EXPECT_TRUE(Same(Read(alone).at("direct"), Read(alone).at("radiance")));
+  EXPECT_TRUE(alone->GetWarnings().empty());
+
+  vtkNew<vtkQuellAovSplit> half;
+  half->ConnectInput("combined", source);
+  half->ConnectInput("diffuseDirect", source);
+  sink->ClearRequests();
+  sink->AddRequest(half, { "direct" });
+  EXPECT_FALSE(sink->UpdateTick(0));
+  EXPECT_NE(half->GetErrorText().find("diffuseColor"), std::string::npos);
+}
