@@ -26,7 +26,8 @@ constexpr float LeastWeight = 1e-18f; // a smaller sum is no tap at all; its squ
 enum class NormalWeight
 {
   None,
-  Squarings, // sigma is a power of two
+  Power128,  // the usual exponent: its seven squarings are unrolled
+  Squarings, // sigma is another power of two
   Power
 };
 
@@ -58,9 +59,10 @@ void RowOf(const ATrousPass& a, int y, int x0, int x1)
   const V inf = hn::Set(d, std::numeric_limits<float>::infinity());
   const float s = float(a.step);
   const V depthScale = hn::Set(d, a.sigmaDepth * s), depthEpsilon = hn::Set(d, a.depthEpsilon);
-  const int squarings = Normals == NormalWeight::Squarings ? Squarings(a.sigmaNormal) : 0;
+  constexpr bool squares = Normals == NormalWeight::Squarings || Normals == NormalWeight::Power128;
+  const int squarings = squares ? Squarings(a.sigmaNormal) : 0;
   // Below this cosine its power is below 2^-120: counted as 0, before the squarings reach denormal numbers.
-  const V leastCosine = hn::Set(d, Normals == NormalWeight::Squarings ? std::exp2(-120.f / a.sigmaNormal) : 0.f);
+  const V leastCosine = hn::Set(d, squares ? std::exp2(-120.f / a.sigmaNormal) : 0.f);
   const V sigmaNormal = hn::Set(d, a.sigmaNormal);
 
   const auto first = layout.at(x0, y);
@@ -147,10 +149,10 @@ void RowOf(const ATrousPass& a, int y, int x0, int x1)
         cosine = hn::MulAdd(ny, hn::LoadU(d, a.guides.normal[1] + q), cosine);
         cosine = hn::MulAdd(nz, hn::LoadU(d, a.guides.normal[2] + q), cosine);
         cosine = hn::Min(cosine, one);
-        if (Normals == NormalWeight::Squarings)
+        if (squares)
         {
           cosine = hn::IfThenElseZero(hn::Gt(cosine, leastCosine), cosine);
-          for (int k = 0; k < squarings; ++k)
+          for (int k = 0; k < (Normals == NormalWeight::Power128 ? 7 : squarings); ++k)
             cosine = hn::Mul(cosine, cosine);
           w = hn::Mul(hn::Mul(hn::Set(d, h), cosine), NegExp2(d, e));
         }
@@ -233,6 +235,8 @@ void ATrousRowImpl(const ATrousPass& a, int y, int x0, int x1)
 {
   if (!a.guides.normal[0] || a.sigmaNormal == 0)
     RowWith<NormalWeight::None>(a, y, x0, x1);
+  else if (a.sigmaNormal == 128)
+    RowWith<NormalWeight::Power128>(a, y, x0, x1);
   else if (Squarings(a.sigmaNormal) >= 0)
     RowWith<NormalWeight::Squarings>(a, y, x0, x1);
   else

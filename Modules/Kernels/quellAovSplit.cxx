@@ -16,6 +16,10 @@ Vec3f Unit(const Vec3f& v) noexcept
 {
   return { Unit(v.x), Unit(v.y), Unit(v.z) };
 }
+Vec3f Limit(const Vec3f& v) noexcept
+{
+  return { Limited(v.x), Limited(v.y), Limited(v.z) };
+}
 float Largest(const Vec3f& v) noexcept
 {
   return std::max(std::fabs(v.x), std::max(std::fabs(v.y), std::fabs(v.z)));
@@ -51,7 +55,7 @@ AovCheck AovSplit(const AovPasses& passes, float tolerance, const AovLayers& lay
         return Vec3f(c[0], c[1], c[2]);
       };
       const Vec3f radiance = read(passes.combined);
-      const Vec3f emission = read(passes.emission) + read(passes.environment);
+      const Vec3f emission = Limit(read(passes.emission) + read(passes.environment));
       Vec3f color[AovPasses::Lobes];
       for (int k = 0; k < AovPasses::Volume; ++k)
         color[k] = read(passes.color[k]);
@@ -63,12 +67,13 @@ AovCheck AovSplit(const AovPasses& passes, float tolerance, const AovLayers& lay
         {
           Vec3f light = read(bounce ? passes.indirect[k] : passes.direct[k]);
           if (passes.demodulated)
-            light *= color[k];
-          (k == AovPasses::Diffuse ? diffuse : specular)[bounce] += light;
+            light = Limit(light * color[k]);
+          Vec3f& layer = (k == AovPasses::Diffuse ? diffuse : specular)[bounce];
+          layer = Limit(layer + light);
         }
       if (!anyLight)
-        diffuse[0] = radiance - emission;
-      const Vec3f direct = diffuse[0] + specular[0], indirect = diffuse[1] + specular[1];
+        diffuse[0] = Limit(radiance - emission);
+      const Vec3f direct = Limit(diffuse[0] + specular[0]), indirect = Limit(diffuse[1] + specular[1]);
 
       Vec3f albedoDiffuse = color[AovPasses::Diffuse];
       Vec3f albedoSpecular = color[AovPasses::Glossy] + color[AovPasses::Transmission];
@@ -78,7 +83,7 @@ AovCheck AovSplit(const AovPasses& passes, float tolerance, const AovLayers& lay
       if (albedo == Vec3f())
         albedo = albedoDiffuse = albedoSpecular = Vec3f(1.f);
 
-      Vec3f residual = radiance - (emission + direct + indirect);
+      Vec3f residual = Limit(radiance - Limit(emission + direct + indirect));
       if (!good)
       {
         residual = Vec3f();

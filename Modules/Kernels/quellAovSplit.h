@@ -58,7 +58,8 @@ struct AovCheck
 ///                      [0, 1]; all three are 1 where the colours are 0 together (background, lamps)
 ///
 /// Without any light pass all light counts as directDiffuse: combined - emission - environment, and the residual is 0 to
-/// rounding. Without any colour pass the albedos are `albedo`, or 1. Float, added in the order written here. The check is
+/// rounding. Without any colour pass the albedos are `albedo`, or 1. Float, added in the order written here; what
+/// overflows stays at FLT_MAX. The check is
 /// max |residual| / (max |radiance| + 1e-3) over channels against `tolerance` (1e-2 allows for half-float files).
 /// A non-finite pixel of a pass is replaced by the mean of its finite neighbours in that pass (0: none), and its residual
 /// is 0. Pixelwise, halo 1 for that rule.

@@ -3,8 +3,6 @@
 
 #include "quellGuards.h"
 
-#include <cfloat>
-
 namespace quell
 {
 namespace
@@ -14,11 +12,6 @@ float Divisor(float albedo, float floor) noexcept
   if (!Finite(albedo))
     return 1.f;
   return albedo < floor ? floor : albedo > 1.f ? 1.f : albedo;
-}
-
-float Limited(float v) noexcept
-{
-  return v > FLT_MAX ? FLT_MAX : v < -FLT_MAX ? -FLT_MAX : v;
 }
 }
 

@@ -42,6 +42,11 @@ inline float CosinePower(float x, float n) noexcept
     return 1.f;
   return x > 0 ? std::pow(x < 1 ? x : 1.f, n) : 0.f;
 }
+/// An overflowed product or sum stays at the largest float.
+inline float Limited(float v) noexcept
+{
+  return v > 3.402823466e38f ? 3.402823466e38f : v < -3.402823466e38f ? -3.402823466e38f : v;
+}
 /// Luminance as filters compare it: Rec. 709, limited to +-1e38 so that differences cannot overflow.
 inline float FilterLuminance(float r, float g, float b) noexcept
 {

@@ -3,8 +3,6 @@
 
 #include "quellGuards.h"
 
-#include <cfloat>
-
 namespace quell
 {
 std::int64_t AddTerm(const ImageIn& term, bool first, const ImageOut& out, const Rect& tile) noexcept
@@ -17,10 +15,7 @@ std::int64_t AddTerm(const ImageIn& term, bool first, const ImageOut& out, const
       bad += !ReadFilled(term, x, y, c);
       float* o = out.at(x, y);
       for (int k = 0; k < 3; ++k)
-      {
-        const float s = first ? c[k] : o[k] + c[k];
-        o[k] = s > FLT_MAX ? FLT_MAX : s < -FLT_MAX ? -FLT_MAX : s;
-      }
+        o[k] = first ? c[k] : Limited(o[k] + c[k]);
     }
   return bad;
 }

@@ -137,6 +137,7 @@ ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRe
     planned.Path = node.Path;
     planned.Type = node.Type;
     planned.Region = d.Region;
+    planned.Notes = node.LeftOut;
     std::vector<OutputArray> own = description.Outputs;
     try
     {

@@ -198,6 +198,7 @@ void EachText(const std::vector<PipelineNode>& nodes, const F& visit)
       visit(i.Port);
       visit(i.From);
       visit(i.Delay);
+      visit(i.Optional);
       for (const PipelineInput::Attribute& a : i.Attributes)
       {
         visit(a.Value);
@@ -1521,6 +1522,7 @@ private:
       {
         this->Error(input.Delay.Place, r.About, "delay = " + Quoted(delay.Text) + " is neither 0 nor 1",
           "delay=\"1\" reads the previous frame");
+        delayed = index != 0;  // meant as a delay, surely: do not call it a cycle as well
       }
     }
     if (delayed && index == 0)
@@ -1528,6 +1530,22 @@ private:
       this->Error(input.Delay.Place, r.About, "the first input of a stage cannot be delayed",
         "it gives the frame its size; every other input may read the previous frame");
       delayed = false;
+    }
+    bool optional = false;
+    if (input.Optional.Given)
+    {
+      const Value value = this->Expand(input.Optional, source.In->Parameters, r.About);
+      std::string error;
+      if (value.Ok && !detail::ParseBool(value.Text, optional, error))
+      {
+        this->Error(input.Optional.Place, r.About, "optional = " + Quoted(value.Text) + " is neither 0 nor 1",
+          "optional=\"1\" leaves the input out where there is no such array");
+      }
+      if (optional && index == 0)
+      {
+        this->Error(input.Optional.Place, r.About, "the first input of a stage cannot be optional", "it gives the frame its size");
+        optional = false;
+      }
     }
     const InputPort& spec = d.Inputs[std::size_t(index)];
     for (const Endpoint& end : ends)
@@ -1574,12 +1592,12 @@ private:
           {
             error.erase(0, own.size());
           }
-          this->Error(a.Value.Place, r.About, error, DidYouMean(a.Name, { "port", "from", "delay" }));
+          this->Error(a.Value.Place, r.About, error, DidYouMean(a.Name, { "port", "from", "delay", "optional" }));
           continue;
         }
         edge.Attributes.emplace_back(a.Name, value.Text);
       }
-      this->Ends.push_back({ n, int(node.Inputs.size()), end, r });
+      this->Ends.push_back({ n, int(node.Inputs.size()), end, r, optional });
       node.Inputs.push_back(std::move(edge));
     }
   }
@@ -1655,7 +1673,7 @@ private:
     }
     Reference r = end.Origin;
     r.About = who;
-    this->Ends.push_back({ reader, int(node.Inputs.size()), end, r });
+    this->Ends.push_back({ reader, int(node.Inputs.size()), end, r, false });
     node.Inputs.push_back(std::move(edge));
   }
 
@@ -1936,6 +1954,34 @@ private:
     return nullptr;
   }
 
+  bool Lacks(const Endpoint& end)
+  {
+    const Available& available = this->ArraysOf(end.Node);
+    return available.Known && !end.Array.empty() &&
+      std::none_of(available.Arrays.begin(), available.Arrays.end(),
+        [&end](const OutputArray& a) { return a.Name == end.Array; });
+  }
+
+  /// Takes connections out and numbers those that stay anew.
+  void Drop(const std::map<int, std::set<int>>& dropped)
+  {
+    for (const auto& d : dropped)
+    {
+      std::vector<GraphEdge>& inputs = this->Result->Nodes[std::size_t(d.first)].Inputs;
+      std::vector<GraphEdge> kept;
+      std::map<int, int> counts;
+      for (std::size_t i = 0; i < inputs.size(); ++i)
+      {
+        if (!d.second.count(int(i)))
+        {
+          kept.push_back(inputs[i]);
+          kept.back().Connection = counts[kept.back().Port]++;
+        }
+      }
+      inputs = kept;
+    }
+  }
+
   std::string NodeTitle(int n) const { return "node " + Quoted(this->Result->Nodes[std::size_t(n)].Path); }
 
   void CheckArrays()
@@ -1947,6 +1993,7 @@ private:
         this->ArraysOf(int(n));
       }
     }
+    std::map<int, std::set<int>> dropped;  // reader -> edges
     std::set<std::string> complained;  // texts that a typed template port has refused already
     const auto key = [](const SourceLocation& p) { return p.ToText(); };
     for (const TypedEnd& t : this->Typed)
@@ -1966,6 +2013,21 @@ private:
       GraphNode& node = this->Result->Nodes[std::size_t(p.Reader)];
       GraphEdge& edge = node.Inputs[std::size_t(p.Edge)];
       std::string array;
+      if (p.Optional && p.End.Node >= 0 && this->Lacks(p.End))
+      {
+        const InputPort& port = node.Description().Inputs[std::size_t(edge.Port)];
+        const std::string why = this->NodeTitle(p.End.Node) + " has no array " + Quoted(p.End.Array);
+        if (port.Optional)
+        {
+          node.LeftOut.push_back("input " + Quoted(port.Name) + " left out: " + why);
+          dropped[p.Reader].insert(p.Edge);
+        }
+        else
+        {
+          this->Error(p.From.From->Place, p.From.About, "is required, but " + why, "optional=\"1\" is for inputs that the stage can do without");
+        }
+        continue;
+      }
       const OutputArray* found = this->FindArrayOf(p.End, array);
       edge.Array = array;
       if (!found || complained.count(key(p.End.Origin.From->Place)))
@@ -1980,6 +2042,7 @@ private:
             KindText(found->Kind, found->Components));
       }
     }
+    this->Drop(dropped);
     for (const auto& o : this->OutputEnds)
     {
       GraphOutput& output = this->Result->Outputs[std::size_t(o.first)];
@@ -2155,6 +2218,10 @@ private:
   // ---- warnings -------------------------------------------------------------------------------------------------
   void Warn()
   {
+    if (this->Messages.HasErrors())
+    {
+      return;  // what a misspelt name was to use or feed is not known
+    }
     std::set<std::string> used;
     EachText(*this->Document, [&used](const PipelineText& text) {
       const std::string& s = text.Value;
@@ -2186,10 +2253,6 @@ private:
         who.Where = "template " + Quoted(t->Name.Value);
         this->Say(Severity::Warning, t->Place, who, "is never instantiated");
       }
-    }
-    if (this->Messages.HasErrors())
-    {
-      return;  // what feeds what is not known well enough
     }
     std::vector<int> targets;
     for (const GraphOutput& o : this->Result->Outputs)
@@ -2249,6 +2312,7 @@ private:
     int Reader, Edge;
     Endpoint End;
     Reference From;
+    bool Optional;
   };
 
   std::shared_ptr<const PipelineDocument> Document;

@@ -57,6 +57,7 @@ struct GraphNode
   SourceLocation Place;
   std::vector<std::string> Context;  ///< instances it is in, innermost first, as sentences
   bool Internal = false;             ///< made for an output
+  std::vector<std::string> LeftOut;  ///< optional inputs whose producer has no such array, as sentences
 
   const StageDescription& Description() const { return this->Stage->GetDescription(); }
 };

@@ -55,7 +55,7 @@ bool Same(const std::vector<T>& a, const std::vector<T>& b)
 bool Same(const PipelineInput& a, const PipelineInput& b)
 {
   return SameItem(a, b) && Same(a.Port, b.Port) && Same(a.From, b.From) && Same(a.Delay, b.Delay) &&
-    Same(a.Attributes, b.Attributes);
+    Same(a.Optional, b.Optional) && Same(a.Attributes, b.Attributes);
 }
 bool Same(const PipelineNode& a, const PipelineNode& b)
 {

@@ -43,7 +43,7 @@ struct PipelineProperty : PipelineItem
   PipelineText Name, Value;
 };
 
-/// <input port= from= [delay=] [attributes of the stage's own]>
+/// <input port= from= [delay=] [optional=] [attributes of the stage's own]>
 struct PipelineInput : PipelineItem
 {
   struct Attribute
@@ -51,7 +51,7 @@ struct PipelineInput : PipelineItem
     std::string Name;
     PipelineText Value;
   };
-  PipelineText Port, From, Delay;
+  PipelineText Port, From, Delay, Optional;
   std::vector<Attribute> Attributes;
 };
 

@@ -52,7 +52,7 @@ const std::vector<ElementRule>& Rules()
     { "node", { "id", "type" }, { "doc" }, { "property", "input" } },
     { "instance", { "id", "template" }, { "doc" }, { "parameter", "input" } },
     { "property", { "name", "value" }, {}, {} },
-    { "input", { "port", "from" }, { "delay" }, {}, true },
+    { "input", { "port", "from" }, { "delay", "optional" }, {}, true },
     { "port", { "name" }, { "type", "from", "doc" }, {} },
     { "output", { "name" }, { "from", "file", "view", "display", "doc" }, { "layer" } },
     { "layer", { "from" }, { "name" }, {} },
@@ -394,9 +394,10 @@ private:
         input.Port = this->Take(c, "port");
         input.From = this->Take(c, "from");
         input.Delay = this->Take(c, "delay");
+        input.Optional = this->Take(c, "optional");
         for (const XmlAttribute& a : c.Attributes)
         {
-          if (a.Name != "port" && a.Name != "from" && a.Name != "delay")
+          if (a.Name != "port" && a.Name != "from" && a.Name != "delay" && a.Name != "optional")
           {
             input.Attributes.push_back({ a.Name, this->Take(c, a.Name.c_str()) });
           }

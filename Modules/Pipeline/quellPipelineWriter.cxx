@@ -107,6 +107,7 @@ public:
       this->Attribute("port", input.Port);
       this->Attribute("from", input.From);
       this->Attribute("delay", input.Delay);
+      this->Attribute("optional", input.Optional);
       for (const PipelineInput::Attribute& a : input.Attributes)
       {
         this->Attribute(a.Name, a.Value);

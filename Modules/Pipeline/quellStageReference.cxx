@@ -274,7 +274,7 @@ std::string PipelineXsd(const StageRegistry& registry)
 {
   Schema s;
   s.Line(0, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
-  s.Line(0, "<!-- Made by `quell nodes --xsd` from the stages' own tables. -->");
+  s.Line(0, "<!-- Made by quell nodes, option xsd, from the stages' own tables. -->");
   s.Line(0, "<xs:schema xmlns:xs=\"http://www.w3.org/2001/XMLSchema\">");
   s.Line(1, "<xs:element name=\"pipeline\" type=\"Pipeline\"/>");
 
@@ -384,11 +384,12 @@ std::string PipelineXsd(const StageRegistry& registry)
   s.Attribute("from", true);
   s.End();
   s.Begin("Input",
-    "Connects a port to node:array (or @port within a template); delay=1 reads the previous frame. Further attributes "
-    "belong to the stage.", {});
+    "Connects a port to node:array (or @port within a template); delay=1 reads the previous frame; optional=1 leaves the "
+    "connection out where the node has no such array. Further attributes belong to the stage.", {});
   s.Attribute("port", true);
   s.Attribute("from", true);
   s.Attribute("delay", false);
+  s.Attribute("optional", false);
   s.Line(2, "<xs:anyAttribute namespace=\"##any\" processContents=\"lax\"/>");
   s.End();
   s.Begin("Output", "Names an array and, with file, writes it; #### in the name is the frame's number.",

@@ -38,12 +38,13 @@ struct Builder
     return place;
   }
 
-  void Stop(const std::string& what, const std::string& hint = {})
+  void Stop(const std::string& what, const std::string& hint = {}) { this->Stop(this->Here(), what, hint); }
+  void Stop(const SourceLocation& place, const std::string& what, const std::string& hint)
   {
     if (!this->Stopped)
     {
       this->Stopped = true;
-      this->Messages->Error(this->Here(), {}, what, hint);
+      this->Messages->Error(place, {}, what, hint);
       XML_StopParser(this->Parser, XML_FALSE);
     }
   }
@@ -152,6 +153,8 @@ struct Builder
     Builder& b = *static_cast<Builder*>(data);
     if (!b.Stopped)
     {
+      std::string& text = b.Open.back()->Text;
+      text.erase(text.find_last_not_of(" \t\n\r") + 1);
       b.Open.back()->TrailingComments.swap(b.Comments);
       b.Comments.clear();
       b.Open.pop_back();
@@ -195,7 +198,19 @@ struct Builder
 
   static void Doctype(void* data, const XML_Char*, const XML_Char*, const XML_Char*, int)
   {
-    static_cast<Builder*>(data)->Stop(
+    // expat calls from within the declaration; its begin is what people look for.
+    Builder& b = *static_cast<Builder*>(data);
+    const XML_Index index = XML_GetCurrentByteIndex(b.Parser);
+    const std::size_t start =
+      index < 0 ? std::string::npos : b.Source->rfind("<!DOCTYPE", std::size_t(index));
+    SourceLocation place = b.Here();
+    if (start != std::string::npos)
+    {
+      place.Line = 1 + int(std::count(b.Source->begin(), b.Source->begin() + std::ptrdiff_t(start), '\n'));
+      const std::size_t line = start == 0 ? std::string::npos : b.Source->rfind('\n', start - 1);
+      place.Column = int(start - (line == std::string::npos ? 0 : line + 1)) + 1;
+    }
+    b.Stop(place,
       "document type declarations are not allowed", "pipelines need no DTD and no entities; use <variable> and <include>");
   }
 };

@@ -228,6 +228,9 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     this->Warnings.push_back(std::to_string(built.DroppedTriangles) +
       " triangles left out (no area, or corners that are not finite)");
 
+  if (built.Lights().Empty() && !built.Lights().HasSky())
+    this->Warnings.push_back("the scene has no light: set Environment, or give a material an emission");
+
   quell::Integrator integrator;
   integrator.Scene = &built;
   const int index = quell::Camera::Find(scene, this->Camera);
@@ -412,10 +415,9 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
   try
   {
     const quell::Scene& scene = this->LoadedScene();
-    bool glossy = false, glass = false, seeThrough = false, textures = false, emissive = false, metal = false;
+    bool glossy = false, glass = false, seeThrough = false, textures = false, emissive = false;
     for (const quell::Material& m : scene.Materials)
     {
-      metal |= m.Metallic > 0;
       glossy |= !m.Unlit && (m.Metallic > 0 || m.Specular > 0);
       glass |= m.Transmission > 0;
       seeThrough |= m.Mode != quell::AlphaMode::Opaque;
@@ -443,7 +445,10 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       (this->MaximumBounces < 0 ? (scene.MaximumDepth >= 0 ? " (the scene's max_depth)" : " (default)") : ""));
     if (bounces <= this->RussianRouletteStart)
       lines.push_back("no Russian roulette: paths are shorter than RussianRouletteStart");
-    const quell::ArraySet asked = REQUESTED_ARRAYS()->Read(this->GetOutputInformation(0));
+    quell::ArraySet asked = REQUESTED_ARRAYS()->Read(this->GetOutputInformation(0));
+    asked.erase(std::string());
+    if (asked.count("@primary"))
+      asked.insert(this->GetDescription().Outputs.front().Name);
     if (!asked.empty())
     {
       std::string unread;

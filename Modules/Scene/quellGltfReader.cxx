@@ -2,10 +2,10 @@
 // glTF 2.0 reader.
 //
 // The JSON is read with nlohmann-json directly and not through tinygltf: of the 17 broken files this reader is tried
-// on, tinygltf 2.7 ends the process on one (an image URI of rubbish), accepts three that are wrong (bufferViews
-// outside of the buffer, an object where an index belongs, a wrong integer type) and loses the place of every mistake. All checks
-// would have to be repeated on its model, and what would be left to it is the JSON parser that we then use ourselves.
-// Images are decoded by OpenImageIO, which the project needs anyway.
+// on, tinygltf 2.7 ends the process on one (an image URI of rubbish), accepts four that are wrong (bufferViews outside
+// of the buffer; an array, a string and a negative number where an object or an index belongs) and loses the place of
+// every mistake. All checks would have to be repeated on its model, and what would be left to it is the JSON parser
+// that we then use ourselves. Images are decoded by OpenImageIO, which the project needs anyway.
 #include "quellGltfAccess.h"
 
 #include <algorithm>

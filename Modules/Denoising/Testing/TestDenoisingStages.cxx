@@ -242,7 +242,7 @@ TEST_P(EveryStage, SameBitsForAnyNumberOfThreads)
   vtkNew<vtkQuellCollector> sink;
   sink->AddRequest(stage, Outputs(stage));
   Pixels first;
-  for (const int threads : { 1, 2, 3 })
+  for (const int threads : { 3, 2, 1 }) // TBB does not go up again
   {
     vtkSMPTools::Initialize(threads);
     stage->Modified();
@@ -288,12 +288,10 @@ TEST_P(EveryStage, ExtremesStayFinite)
       for (const auto& entry : Read(stage))
         for (const float v : entry.second)
           ASSERT_TRUE(std::isfinite(v)) << c.first << ": " << entry.first << " " << size.x1 << " x " << size.y1;
-      if (c.first == "all NaN")
-        EXPECT_GT(stage->GetCounters().NonFinite, 0);
-      if (c.first == "all NaN")
-        EXPECT_FALSE(stage->GetWarnings().empty());
-      if (c.first == "zero")
-        EXPECT_EQ(stage->GetCounters().NonFinite, 0);
+      // A broken pixel is counted and told; a black image is not broken.
+      EXPECT_EQ(stage->GetCounters().NonFinite > 0, c.first == "all NaN" || c.first == "all infinite" ||
+          (c.first == "poison" && stage->GetCounters().NonFinite > 0)) << c.first;
+      EXPECT_EQ(stage->GetCounters().NonFinite > 0, !stage->GetWarnings().empty() && stage->GetWarnings().back().find("not finite") != std::string::npos);
     }
 }
 
@@ -438,8 +436,11 @@ TEST(ATrousStage, IterationsZeroIsIdentityAndFiveReachTheirHalo)
   const quell::Rect r{ 92, 85, 101, 93 };
   sink->ClearRequests();
   sink->AddRequest(filter, { "radiance", "variance", "feedback" }, r);
+  source->Modified(); // or the frame that is there would do
   ASSERT_TRUE(sink->UpdateTick(0));
+  EXPECT_EQ(source->LastRegion, r.grown(63).clipped({ 0, 0, 200, 180 }));
   const Pixels crop = Read(filter);
+  ASSERT_EQ(crop.at("variance").size(), size_t(r.area()));
   for (const auto& entry : crop)
   {
     const size_t n = entry.second.size() / r.area();

@@ -39,12 +39,11 @@ TEST(Diagnostics, Grammar)
   EXPECT_EQ(Messages("<nod id=\"a\"/>"),
     "p.xml:2:1: error: <pipeline>: element <nod> does not belong here; did you mean \"node\"?\n");
   EXPECT_EQ(Messages(Box("<layer from=\"x\"/>")),
-    "p.xml:3:62: error: <node> \"b\": element <layer> does not belong here; it may hold <property>, <input>\n");
+    "p.xml:3:72: error: <node> \"b\": element <layer> does not belong here; it may hold <property>, <input>\n");
   EXPECT_EQ(Messages("<node idd=\"pt\" type=\"TestSource\"/>"),
     "p.xml:2:1: error: <node>: attribute \"id\" is missing\n"
     "p.xml:2:7: error: <node>: no attribute \"idd\"; did you mean \"id\"?\n");
-  EXPECT_EQ(Messages(Pt + "text"), "p.xml:2:33: error: <pipeline>: text \"text\" does not belong here; values are written as attributes\n"
-                                   "p.xml:2:1: warning: node \"pt\": feeds no output and will not run\n");
+  EXPECT_EQ(Messages(Pt + "text"), "p.xml:2:34: error: <pipeline>: text \"text\" does not belong here; values are written as attributes\n");
 }
 
 TEST(Diagnostics, Version)
@@ -67,62 +66,70 @@ TEST(Diagnostics, TypesAndProperties)
   EXPECT_EQ(Messages("<node id=\"a\" type=\"TestBoks\"/>"),
     "p.xml:2:14: error: node \"a\": unknown type \"TestBoks\"; did you mean \"TestBox\"?\n");
   EXPECT_EQ(Messages(Box("<property name=\"Radios\" value=\"1\"/>")),
-    "p.xml:3:72: error: node \"b\" (TestBox): no property \"Radios\"; did you mean \"Radius\"?\n");
+    "p.xml:3:82: error: node \"b\" (TestBox): no property \"Radios\"; did you mean \"Radius\"?\n");
   EXPECT_EQ(Messages(Box("<property name=\"Sharpness\" value=\"1\"/>")),
-    "p.xml:3:72: error: node \"b\" (TestBox): no property \"Sharpness\"; properties: Radius, Gain, Mode, Quiet\n");
+    "p.xml:3:82: error: node \"b\" (TestBox): no property \"Sharpness\"; properties: Radius, Gain, Mode, Quiet\n");
   EXPECT_EQ(Messages(Box("<property name=\"Radius\" value=\"17\"/>")),
-    "p.xml:3:86: error: node \"b\" (TestBox): Radius = 17 is outside [0, 16] (default 1)\n");
+    "p.xml:3:96: error: node \"b\" (TestBox): Radius = 17 is outside [0, 16] (default 1)\n");
   EXPECT_EQ(Messages(Box("<property name=\"Gain\" value=\"1.4\"/>")),
-    "p.xml:3:84: error: node \"b\" (TestBox): Gain = 1.4 is outside [0, 1] (default 1)\n");
+    "p.xml:3:94: error: node \"b\" (TestBox): Gain = 1.4 is outside [0, 1] (default 1)\n");
   EXPECT_EQ(Messages(Box("<property name=\"Gain\" value=\"0,05\"/>")),
-    "p.xml:3:84: error: node \"b\" (TestBox): Gain = \"0,05\" is not a number (default 1)\n");
+    "p.xml:3:94: error: node \"b\" (TestBox): Gain = \"0,05\" is not a number (default 1)\n");
   EXPECT_EQ(Messages(Box("<property name=\"Gain\" value=\"nan\"/>")),
-    "p.xml:3:84: error: node \"b\" (TestBox): Gain = \"nan\" is not finite (default 1)\n");
+    "p.xml:3:94: error: node \"b\" (TestBox): Gain = \"nan\" is not finite (default 1)\n");
   EXPECT_EQ(Messages(Box("<property name=\"Radius\" value=\"1.5\"/>")),
-    "p.xml:3:86: error: node \"b\" (TestBox): Radius = \"1.5\" is not a whole number (default 1)\n");
+    "p.xml:3:96: error: node \"b\" (TestBox): Radius = \"1.5\" is not a whole number (default 1)\n");
   EXPECT_EQ(Messages(Box("<property name=\"Mode\" value=\"Scael\"/>")),
-    "p.xml:3:84: error: node \"b\" (TestBox): Mode = \"Scael\" is none of Scale, Drop; did you mean \"Scale\"?\n");
+    "p.xml:3:94: error: node \"b\" (TestBox): Mode = \"Scael\" is none of Scale, Drop; did you mean \"Scale\"?\n");
   EXPECT_EQ(Messages(Box("<property name=\"Quiet\" value=\"yes\"/>")),
-    "p.xml:3:85: error: node \"b\" (TestBox): Quiet = \"yes\" is neither true nor false\n");
+    "p.xml:3:95: error: node \"b\" (TestBox): Quiet = \"yes\" is neither true nor false\n");
   EXPECT_EQ(Messages(Box("<property name=\"Gain\" value=\"1\"/><property name=\"Gain\" value=\"0\"/>")),
-    "p.xml:3:104: error: node \"b\" (TestBox): property \"Gain\" is already set at p.xml:3:62\n");
+    "p.xml:3:115: error: node \"b\" (TestBox): property \"Gain\" is already set at p.xml:3:72\n");
   EXPECT_EQ(Messages("<node id=\"pt\" type=\"TestSource\"><property name=\"Scene\" value=\"no.gltf\"/></node><output name=\"o\" from=\"pt\"/>"),
-    "p.xml:2:62: error: node \"pt\" (TestSource): Scene = \"no.gltf\": no such file\n");
+    "p.xml:2:56: error: node \"pt\" (TestSource): Scene = \"no.gltf\": no such file\n");
 }
 
 TEST(Diagnostics, Connections)
 {
   EXPECT_EQ(Messages(Box("<input port=\"normals\" from=\"pt:normal\"/>")),
-    "p.xml:3:69: error: node \"b\" (TestBox): no input \"normals\"; did you mean \"normal\"?\n");
+    "p.xml:3:79: error: node \"b\" (TestBox): no input \"normals\"; did you mean \"normal\"?\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"ptt:normal\"/>")),
-    "p.xml:3:83: error: node \"b\" (TestBox): input \"normal\": no node \"ptt\"; did you mean \"pt\"?\n");
+    "p.xml:3:93: error: node \"b\" (TestBox): input \"normal\": no node \"ptt\"; did you mean \"pt\"?\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:normals\"/>")),
-    "p.xml:3:83: error: node \"b\" (TestBox): input \"normal\": node \"pt\" has no output \"normals\"; did you mean \"normal\"?\n");
+    "p.xml:3:93: error: node \"b\" (TestBox): input \"normal\": node \"pt\" has no output \"normals\"; did you mean \"normal\"?\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:velocity\"/>")),
-    "p.xml:3:83: error: node \"b\" (TestBox): input \"normal\": node \"pt\" has no output \"velocity\"; it has radiance, albedo, normal, depth\n");
+    "p.xml:3:93: error: node \"b\" (TestBox): input \"normal\": node \"pt\" has no output \"velocity\"; it has radiance, albedo, normal, depth\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:depth\"/>")),
-    "p.xml:3:83: error: node \"b\" (TestBox): input \"normal\": wants normal (3 x float, unit, world), but \"pt:depth\" is depth "
+    "p.xml:3:93: error: node \"b\" (TestBox): input \"normal\": wants normal (3 x float, unit, world), but \"pt:depth\" is depth "
     "(1 x float along the view axis)\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:\"/>")),
-    "p.xml:3:83: error: node \"b\" (TestBox): input \"normal\": \"pt:\" is not of the form node:array\n");
+    "p.xml:3:93: error: node \"b\" (TestBox): input \"normal\": \"pt:\" is not of the form node:array\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"@n\"/>")),
-    "p.xml:3:83: error: node \"b\" (TestBox): input \"normal\": \"@n\" is a template's port, but this is no template; write node:array\n");
+    "p.xml:3:93: error: node \"b\" (TestBox): input \"normal\": \"@n\" is a template's port, but this is no template; write node:array\n");
   EXPECT_EQ(Messages(Box("<input port=\"radiance\" from=\"pt:radiance\"/>")),
-    "p.xml:3:62: error: node \"b\" (TestBox): input \"radiance\": is already connected at p.xml:3:28; it takes one connection\n");
+    "p.xml:3:72: error: node \"b\" (TestBox): input \"radiance\": is already connected at p.xml:3:29; it takes one connection\n");
   EXPECT_EQ(Messages(Pt + "<node id=\"b\" type=\"TestBox\"/>" + Out),
-    "p.xml:2:33: error: node \"b\" (TestBox): required input \"radiance\" is not connected; it wants color (3 x float, linear RGB)\n");
+    "p.xml:2:34: error: node \"b\" (TestBox): required input \"radiance\" is not connected; it wants color (3 x float, linear RGB)\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:normal\" sigma=\"3\"/>")),
-    "p.xml:3:100: error: node \"b\" (TestBox): input \"normal\": has no attribute \"sigma\"\n");
+    "p.xml:3:110: error: node \"b\" (TestBox): input \"normal\": has no attribute \"sigma\"\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:normal\" delay=\"2\"/>")),
-    "p.xml:3:100: error: node \"b\" (TestBox): input \"normal\": delay = \"2\" is neither 0 nor 1; delay=\"1\" reads the previous frame\n");
+    "p.xml:3:110: error: node \"b\" (TestBox): input \"normal\": delay = \"2\" is neither 0 nor 1; delay=\"1\" reads the previous frame\n");
   EXPECT_EQ(Messages(Pt + "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"pt\" delay=\"1\"/></node>" + Out),
     "p.xml:2:95: error: node \"b\" (TestBox): input \"radiance\": the first input of a stage cannot be delayed; it gives the frame its "
     "size; every other input may read the previous frame\n");
+  // Optional connections are left out where there is no such array; required ones cannot be.
+  EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:velocity\" optional=\"1\"/>")), "");
+  EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:depth\" optional=\"yes\"/>", "pt:radiance")).substr(0, 77),
+    "p.xml:3:93: error: node \"b\" (TestBox): input \"normal\": wants normal (3 x float");
+  EXPECT_EQ(Messages(Pt + "<node id=\"b\" type=\"TestAccumulate\"><input port=\"radiance\" from=\"pt\"/>"
+                          "<input port=\"history\" from=\"pt:velocity\" optional=\"1\"/></node>" + Out),
+    "p.xml:2:1: error: node \"b\" (TestAccumulate): input \"history\": is required, but node \"pt\" has no array \"velocity\"; "
+    "optional=\"1\" is for inputs that the stage can do without\n");
   // Foreign arrays are accepted where their components fit.
   const std::string reader = "<node id=\"r\" type=\"TestReader\"><property name=\"File\" value=\"f\"/></node>";
   EXPECT_EQ(Messages(reader + "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"r:foreign\"/></node>" + Out), "");
   EXPECT_EQ(Messages(reader + "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"r:weight\"/></node>" + Out),
-    "p.xml:2:122: error: node \"b\" (TestBox): input \"radiance\": wants color (3 x float, linear RGB), but \"r:weight\" is an array of 1 "
+    "p.xml:2:123: error: node \"b\" (TestBox): input \"radiance\": wants color (3 x float, linear RGB), but \"r:weight\" is an array of 1 "
     "component\n");
   EXPECT_EQ(Messages("<node id=\"r\" type=\"TestReader\"/><output name=\"o\" from=\"r:foreign\"/>"),
     "p.xml:2:1: error: node \"r\" (TestReader): File is not set\n");
@@ -142,9 +149,9 @@ TEST(Diagnostics, Cycles)
                            "<node id=\"z\" type=\"TestBox\"><input port=\"radiance\" from=\"y:radiance\"/></node>\n"
                            "<output name=\"o\" from=\"z:radiance\"/>";
   EXPECT_EQ(Messages(loop),
-    "p.xml:3:28: error: cycle: x <- z <- y <- x; say delay=\"1\" on the input that should read the previous frame\n");
+    "p.xml:3:29: error: cycle: x <- z <- y <- x; say delay=\"1\" on the input that should read the previous frame\n");
   EXPECT_EQ(Messages("<node id=\"x\" type=\"TestSum\"><input port=\"radiance\" from=\"x\"/></node><output name=\"o\" from=\"x\"/>"),
-    "p.xml:2:28: error: cycle: x <- x; say delay=\"1\" on the input that should read the previous frame\n");
+    "p.xml:2:29: error: cycle: x <- x; say delay=\"1\" on the input that should read the previous frame\n");
   // A delayed edge closes a loop legally.
   EXPECT_EQ(Messages(Pt + "<node id=\"b\" type=\"TestAccumulate\"><input port=\"radiance\" from=\"pt\"/>"
                           "<input port=\"history\" from=\"b:radiance\" delay=\"1\"/></node>" + Out), "");
@@ -153,7 +160,6 @@ TEST(Diagnostics, Cycles)
 TEST(Diagnostics, Variables)
 {
   EXPECT_EQ(Messages("<variable name=\"frames\" type=\"int\" default=\"2\"/><time count=\"$(frmaes)\"/>" + Box("")),
-    "p.xml:2:1: warning: variable \"frames\": is never used\n"
     "p.xml:2:55: error: <time>: $(frmaes): no such variable; did you mean \"frames\"?\n");
   EXPECT_EQ(Messages("<time count=\"$(zzzzzz)\"/>" + Box("")), "p.xml:2:7: error: <time>: $(zzzzzz): no such variable; variables: none\n");
   EXPECT_EQ(Messages("<time count=\"$(n\"/>" + Box("")),
@@ -167,7 +173,7 @@ TEST(Diagnostics, Variables)
   EXPECT_EQ(Messages("<variable name=\"n\" type=\"int\" default=\"two\"/><time count=\"$(n)\"/>" + Box("")),
     "p.xml:2:31: error: variable \"n\": default = \"two\" is not a whole number\n");
   EXPECT_EQ(Messages("<variable name=\"n\" type=\"int\" default=\"2\"/><variable name=\"n\" type=\"int\" default=\"3\"/><time count=\"$(n)\"/>" + Box("")),
-    "p.xml:2:53: error: variable \"n\": already declared at p.xml:2:1\n");
+    "p.xml:2:54: error: variable \"n\": already declared at p.xml:2:1\n");
   EXPECT_EQ(Messages("<variable name=\"a\" type=\"int\" default=\"$(b)\"/><variable name=\"b\" type=\"int\" default=\"$(a)\"/><time count=\"$(a)\"/>" + Box("")),
     "p.xml:2:31: error: variable \"a\": the value depends on itself: a <- b <- a\n");
   std::string bomb = "<variable name=\"v0\" type=\"string\" default=\"0123456789\"/>";
@@ -188,12 +194,11 @@ TEST(Diagnostics, Templates)
   const std::string in = "<input port=\"in\" from=\"pt:radiance\"/>";
   EXPECT_EQ(use("<instance id=\"a\" template=\"soft\">" + in + "</instance>"), "");
   EXPECT_EQ(use("<instance id=\"a\" template=\"sotf\">" + in + "</instance>"),
-    "p.xml:2:1: warning: template \"soft\": is never instantiated\n"
     "p.xml:5:18: error: instance \"a\": unknown template \"sotf\"; did you mean \"soft\"?\n");
   EXPECT_EQ(use("<instance id=\"a\" template=\"soft\"/>"),
     "p.xml:5:1: error: instance \"a\" (template \"soft\"): required input \"in\" is not connected\n");
   EXPECT_EQ(use("<instance id=\"a\" template=\"soft\">" + in + "<input port=\"inn\" from=\"pt\"/></instance>"),
-    "p.xml:5:77: error: instance \"a\" (template \"soft\"): no input \"inn\"; did you mean \"in\"?\n");
+    "p.xml:5:78: error: instance \"a\" (template \"soft\"): no input \"inn\"; did you mean \"in\"?\n");
   EXPECT_EQ(use("<instance id=\"a\" template=\"soft\"><parameter name=\"radios\" value=\"1\"/>" + in + "</instance>"),
     "p.xml:5:45: error: instance \"a\" (template \"soft\"): no parameter \"radios\"; did you mean \"radius\"?\n");
   EXPECT_EQ(use("<instance id=\"a\" template=\"soft\"><parameter name=\"radius\" value=\"x\"/>" + in + "</instance>"),
@@ -206,7 +211,7 @@ TEST(Diagnostics, Templates)
     "p.xml:5:51: error: instance \"a\" (template \"soft\"): input \"in\": wants color (3 x float, linear RGB), but \"pt:depth\" is depth "
     "(1 x float along the view axis)\n");
   EXPECT_EQ(Messages(t + "<instance id=\"a\" template=\"soft\">" + in + "</instance><output name=\"o\" from=\"a:outt\"/>"),
-    "p.xml:5:94: error: output \"o\": instance \"a\" (template \"soft\") has no output \"outt\"; did you mean \"out\"?\n");
+    "p.xml:5:99: error: output \"o\": instance \"a\" (template \"soft\") has no output \"outt\"; did you mean \"out\"?\n");
   // Twice instantiated, once told; not instantiated, told as well.
   const std::string bad = "<template name=\"t\"><node id=\"n\" type=\"TestSource\"><property name=\"Widht\" value=\"3\"/></node>"
                           "<port name=\"out\" from=\"n\"/></template>";
@@ -216,13 +221,13 @@ TEST(Diagnostics, Templates)
   EXPECT_EQ(Messages(bad), told + "  in template \"t\" at p.xml:2:1\n");
   EXPECT_EQ(Messages("<template name=\"t\"><instance id=\"i\" template=\"u\"/></template><template name=\"u\"><instance id=\"i\" template=\"t\"/></template>"
                      "<instance id=\"a\" template=\"t\"/>"),
-    "p.xml:2:82: error: instance \"i\": templates instantiate each other without end: t -> u -> t\n"
-    "  in instance \"i\" at p.xml:2:20, from template \"u\" at p.xml:2:64\n"
-    "  in instance \"a\" at p.xml:2:125, from template \"t\" at p.xml:2:1\n");
+    "p.xml:2:81: error: instance \"i\": templates instantiate each other without end: t -> u -> t\n"
+    "  in instance \"i\" at p.xml:2:20, from template \"u\" at p.xml:2:62\n"
+    "  in instance \"a\" at p.xml:2:123, from template \"t\" at p.xml:2:1\n");
   EXPECT_EQ(Messages("<template name=\"t\"><port name=\"in\" type=\"colour\"/></template>"),
     "p.xml:2:36: error: template \"t\": port \"in\": unknown type \"colour\"; did you mean \"color\"?\n");
   EXPECT_EQ(Messages("<template name=\"t\"><port name=\"in\"/><node id=\"n\" type=\"TestBox\"><input port=\"radiance\" from=\"@inn\"/></node></template>"),
-    "p.xml:2:87: error: node \"n\" (TestBox): input \"radiance\": template \"t\" has no input port \"inn\"; did you mean \"in\"?\n"
+    "p.xml:2:88: error: node \"n\" (TestBox): input \"radiance\": template \"t\" has no input port \"inn\"; did you mean \"in\"?\n"
     "  in template \"t\" at p.xml:2:1\n");
   const std::string pass = "<template name=\"p\"><port name=\"in\"/><port name=\"out\" from=\"@in\"/></template>";
   EXPECT_NE(Messages(pass + "<instance id=\"a\" template=\"p\"><input port=\"in\" from=\"b:out\"/></instance>"
@@ -233,21 +238,21 @@ TEST(Diagnostics, Templates)
 TEST(Diagnostics, Outputs)
 {
   EXPECT_EQ(Messages(Pt + "<output name=\"o\"/>"),
-    "p.xml:2:33: error: <output> \"o\": attribute \"from\" is missing; say what to write, or give <layer>s\n");
+    "p.xml:2:34: error: <output> \"o\": attribute \"from\" is missing; say what to write, or give <layer>s\n");
   EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt:radianse\" file=\"a.exr\"/>"),
-    "p.xml:2:50: error: output \"o\": node \"pt\" has no output \"radianse\"; did you mean \"radiance\"?\n");
+    "p.xml:2:51: error: output \"o\": node \"pt\" has no output \"radianse\"; did you mean \"radiance\"?\n");
   EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt\"/><output name=\"o\" from=\"pt\"/>"),
-    "p.xml:2:69: error: output \"o\": the name is already used at p.xml:2:33\n");
+    "p.xml:2:70: error: output \"o\": the name is already used at p.xml:2:34\n");
   EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt\" file=\"a.exr\"/><output name=\"p\" from=\"pt\" file=\"a.exr\"/>"),
-    "p.xml:2:101: error: output \"p\": \"a.exr\" is already written by the output at p.xml:2:33\n");
+    "p.xml:2:102: error: output \"p\": \"a.exr\" is already written by the output at p.xml:2:34\n");
   EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt:depth\" file=\"a.png\" view=\"v\"/>"),
-    "p.xml:2:50: error: output \"o\": wants color (3 x float, linear RGB), but \"pt:depth\" is depth (1 x float along the view axis)\n");
+    "p.xml:2:51: error: output \"o\": wants color (3 x float, linear RGB), but \"pt:depth\" is depth (1 x float along the view axis)\n");
   EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt\" file=\"a.png\" display=\"d\"/>"),
-    "p.xml:2:73: error: output \"o\": display is given without view\n");
+    "p.xml:2:74: error: output \"o\": display is given without view\n");
   EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt\" file=\"a.png\" view=\"d\"><layer from=\"pt:depth\"/></output>"),
-    "p.xml:2:73: error: output \"o\": a view shows one image, but there are 2 layers\n"
+    "p.xml:2:74: error: output \"o\": a view shows one image, but there are 2 layers\n"
     );
-  EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt\" file=\"\"/>"), "p.xml:2:60: error: output \"o\": the file's name is empty\n");
+  EXPECT_EQ(Messages(Pt + "<output name=\"o\" from=\"pt\" file=\"\"/>"), "p.xml:2:61: error: output \"o\": the file's name is empty\n");
 }
 
 TEST(Diagnostics, Warnings)
@@ -288,8 +293,8 @@ TEST(Diagnostics, AllMistakesAtOnceAndNoCascades)
                      "<node id=\"z\" type=\"TestBox\"><input port=\"radiance\" from=\"y:mask\"/></node>\n"
                      "<output name=\"o\" from=\"w:radiance\"/>"),
     "p.xml:2:15: error: node \"pt\": unknown type \"TestSorce\"; did you mean \"TestSource\"?\n"
-    "p.xml:3:106: error: node \"x\" (TestBox): Radius = -1 is outside [0, 16] (default 1)\n"
-    "p.xml:4:90: error: node \"y\" (TestBox): input \"normal\": no node \"q\"; nodes: pt, x, y, z\n"
-    "p.xml:5:51: error: node \"z\" (TestBox): input \"radiance\": wants color (3 x float, linear RGB), but \"y:mask\" is scalar (1 x float)\n"
+    "p.xml:3:96: error: node \"x\" (TestBox): Radius = -1 is outside [0, 16] (default 1)\n"
+    "p.xml:4:92: error: node \"y\" (TestBox): input \"normal\": no node \"q\"; nodes: pt, x, y, z\n"
+    "p.xml:5:52: error: node \"z\" (TestBox): input \"radiance\": wants color (3 x float, linear RGB), but \"y:mask\" is scalar (1 x float)\n"
     "p.xml:6:18: error: output \"o\": no node \"w\"; nodes: pt, x, y, z\n");
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Closed forms: see Documentation/numerics.md for the scenes.
+// Scenes whose radiance is known in closed form.
 #include "SceneBuilder.h"
 #include "quellIntegrator.h"
 

@@ -115,7 +115,7 @@ void Room(const char* name, int spp, double relative, int allowed, double mean)
   EXPECT_LE(c.Bad, allowed) << "of " << c.Blocks << ", worst " << c.Worst;
   for (double r : c.MeanRatio)
     EXPECT_NEAR(r, 1, mean);
-  RecordProperty("worst", std::to_string(c.Worst));
+  testing::Test::RecordProperty("worst", std::to_string(c.Worst));
 }
 
 void Radiometric(const char* name, const char* image, int spp, double relative)
