@@ -371,6 +371,9 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
 {
   this->ErrorText.clear();
   this->Warnings.clear();
+  // After a failure VTK goes on with the other inputs of every reader, and comes here again on each path.
+  if (this->IsCancelled())
+    return this->Fail("cancelled");
   vtkInformation* outInfo = outputVector->GetInformationObject(0);
   vtkImageData* output = vtkImageData::GetData(outInfo);
   const auto& description = this->GetDescription();

@@ -20,6 +20,9 @@ struct PipelineExecutor::Observer
   std::function<void(const std::string&, double)> Progress;
   std::map<vtkObject*, std::string> Names;
   std::string FirstError;
+  vtkQuellStage* FirstFailed = nullptr;  ///< never for being cancelled
+  std::string FailedText;
+  std::shared_ptr<CancelToken> Token;
   std::vector<std::string> Warnings;
   vtkNew<vtkCallbackCommand> Command;
 
@@ -40,6 +43,16 @@ struct PipelineExecutor::Observer
         if (this->FirstError.empty() && data)
         {
           this->FirstError = static_cast<const char*>(data);
+        }
+        if (!this->FirstFailed && this->Token && !this->Token->IsCancelled())
+        {
+          if (vtkQuellStage* stage = vtkQuellStage::SafeDownCast(caller))
+          {
+            // One failure ends the frame: otherwise what failed would run again on every path that leads to it.
+            this->FirstFailed = stage;
+            this->FailedText = stage->GetErrorText();  // the next path to it will say "cancelled"
+            this->Token->Cancel();
+          }
         }
         break;
       case vtkCommand::WarningEvent:
@@ -83,6 +96,7 @@ PipelineExecutor::PipelineExecutor(std::shared_ptr<const Graph> graph, const Sta
 {
   this->Watch->Add(this->Collector, "");
   this->Watch->Names.erase(this->Collector);
+  this->SetCancelToken(std::make_shared<CancelToken>());
   this->Rebuild();
 }
 
@@ -216,7 +230,7 @@ void PipelineExecutor::Rebuild()
 
 void PipelineExecutor::SetCancelToken(std::shared_ptr<CancelToken> token)
 {
-  this->Token = std::move(token);
+  this->Token = token ? std::move(token) : std::make_shared<CancelToken>();
   for (const auto& stage : this->Stages)
   {
     if (stage)
@@ -373,6 +387,12 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
   this->Rebuild();
   this->Watch->FirstError.clear();
   this->Watch->Warnings.clear();
+  if (this->Token->IsCancelled())
+  {
+    result.Cancelled = true;
+    result.Error = "cancelled";
+    return result;
+  }
 
   for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
   {
@@ -428,7 +448,15 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
     }
     this->Collector->AddRequest(this->Stages[std::size_t(t.Node)], t.Arrays, region);
   }
+  this->Watch->FirstFailed = nullptr;
+  this->Watch->Token = this->Token;
   const bool ok = this->Collector->UpdateTick(tick);
+  this->Watch->Token = nullptr;
+  vtkQuellStage* const failed = this->Watch->FirstFailed;
+  if (failed)
+  {
+    this->Token->Reset();
+  }
   // Neither does a connection to us keep a stage from being thrown away, nor does one from an earlier pass linger.
   this->Collector->ClearRequests();
 
@@ -452,16 +480,15 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
   {
     result.Warnings.push_back(w.substr(0, w.find_last_not_of(" \n\r\t") + 1));
   }
-  if (!ok || (this->Token && this->Token->IsCancelled()))
+  if (!ok || this->Token->IsCancelled())
   {
-    result.Cancelled = this->Token && this->Token->IsCancelled();
+    result.Cancelled = this->Token->IsCancelled();
     result.Error = this->Watch->FirstError.empty() ? "the update failed" : this->Watch->FirstError;
-    vtkQuellStage* failed = this->Collector->FailedStage();
     for (std::size_t n = 0; failed && n < this->Stages.size(); ++n)
     {
       if (this->Stages[n] == failed)
       {
-        result.Error = this->Title(int(n)) + ": " + failed->GetErrorText();
+        result.Error = this->Title(int(n)) + ": " + this->Watch->FailedText;
       }
     }
     if (result.Cancelled)

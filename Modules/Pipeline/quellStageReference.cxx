@@ -324,7 +324,7 @@ std::string PipelineXsd(const StageRegistry& registry)
 
   // Templates and variables may compute a type or a name: then only the program can check it.
   s.Line(1, "<xs:simpleType name=\"Expression\">");
-  s.Line(2, "<xs:restriction base=\"xs:string\"><xs:pattern value=\".*\\$\\(.*\\).*\"/></xs:restriction>");
+  s.Line(2, "<xs:restriction base=\"xs:string\"><xs:pattern value=\".*[$][(].*[)].*\"/></xs:restriction>");
   s.Line(1, "</xs:simpleType>");
   s.Line(1, "<xs:simpleType name=\"StageTypeText\"><xs:union memberTypes=\"StageType Expression\"/></xs:simpleType>");
   s.Line(1, "<xs:simpleType name=\"PropertyNameText\"><xs:union memberTypes=\"PropertyName Expression\"/></xs:simpleType>");

@@ -68,6 +68,8 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
   d.OptionalInput("previousId", ArrayKind::Id, "id", "delayed: its ids");
   d.Inputs[Depth].Halo = 1;
   d.Inputs[Id].Halo = 1;
+  for (int port : { History, Moments, Length, PreviousDepth, PreviousNormal, PreviousId })
+    d.Inputs[port].Delayed = true;
   d.Output("radiance", ArrayKind::Color, "the history's colour; 0 without history");
   d.Output("moments", ArrayKind::Moments, "the history's moments");
   d.Output("history", ArrayKind::History, "the history's length in frames; 0 where there is none");

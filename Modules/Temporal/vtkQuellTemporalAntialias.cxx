@@ -43,6 +43,7 @@ void vtkQuellTemporalAntialias::Describe(quell::StageDescription& d)
   d.OptionalInput("motion", ArrayKind::Motion, "motion", "previous - current, pixels, un-jittered; without it nothing moves");
   d.OptionalInput("depth", ArrayKind::Depth, "depth", "picks the nearest surface's motion in the 3 x 3");
   d.Input("history", ArrayKind::Color, "radiance", "delayed: this stage's own radiance of the previous frame");
+  d.Inputs[History].Delayed = true;
   for (int port : { Radiance, Motion, Depth })
     d.Inputs[port].Halo = 1;
   d.Output("radiance", ArrayKind::Color, "the blended frame, linear");

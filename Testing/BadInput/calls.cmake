@@ -11,7 +11,7 @@ quell_add_bad_call(variable-form 2 "-D unused: not of the form name=value" run $
 quell_add_bad_call(set-node 2 "--set ptt.Width: no node \"ptt\"; did you mean \"pt\"?" run ${good} --set ptt.Width=8)
 quell_add_bad_call(set-property 2 "node \"pt\" (PathTraceSource) has no property \"Widht\"; did you mean \"Width\"?"
   run ${good} --set pt.Widht=8)
-quell_add_bad_call(set-range 2 "--set pt: Width = 0 is outside [1, " run ${good} --set pt.Width=0)
+quell_add_bad_call(set-range 2 "--set pt: Width = -1 is outside [0, " run ${good} --set pt.Width=-1)
 quell_add_bad_call(output-name 2 "--output beaty: no such output; did you mean \"beauty\"?" run ${good} --output beaty=x.exr)
 quell_add_bad_call(output-array 2 "node \"pt\" has no output \"norml\"; did you mean \"normal\"?"
   run ${good} --output pt:norml=x.exr)

@@ -314,6 +314,26 @@ TEST_F(History, AFailedFrameLeavesTheLastState)
   EXPECT_EQ(TheLog().Files.back().Layers, expected);
 }
 
+TEST_F(History, AFailureEndsTheFrameAtOnce)
+{
+  // Ten diamonds in a row: a thousand paths lead to the source.
+  std::string body = "<node id=\"n0\" type=\"TestSource\"/>";
+  for (int i = 1; i <= 10; ++i)
+  {
+    const std::string before = "<input port=\"radiance\" from=\"n" + std::to_string(i - 1) + ":radiance\"/>";
+    body += "<node id=\"n" + std::to_string(i) + "\" type=\"TestSum\">" + before + before + "</node>";
+  }
+  PipelineExecutor executor(Load(body + "<output name=\"o\" from=\"n10\" file=\"o.exr\"/>"), pipelinetest::Registry());
+  TheLog().FailAtTick = 0;
+  const TickResult failed = executor.RunTick(0);
+  EXPECT_FALSE(failed.Ok);
+  EXPECT_FALSE(failed.Cancelled);
+  EXPECT_EQ(failed.Error, "node \"n0\" (TestSource): the source broke");
+  EXPECT_EQ(TheLog().SourceRuns.size(), 1u);
+  TheLog().FailAtTick = -1;
+  EXPECT_TRUE(executor.RunTick(0).Ok);
+}
+
 TEST_F(History, ACancelledFrameLeavesTheLastState)
 {
   PipelineExecutor executor(Load(Temporal), pipelinetest::Registry());
