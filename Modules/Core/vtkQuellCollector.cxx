@@ -4,6 +4,7 @@
 #include "vtkImageData.h"
 #include "vtkInformation.h"
 #include "vtkInformationIntegerKey.h"
+#include "vtkInformationIntegerVectorKey.h"
 #include "vtkInformationVector.h"
 #include "vtkObjectFactory.h"
 #include "vtkQuellArraySetKey.h"
@@ -58,9 +59,17 @@ bool vtkQuellCollector::UpdateTick(int tick)
       vtkInformation* info = a->GetOutputInformation(p);
       info->Remove(vtkQuellStage::REQUESTED_ARRAYS());
       info->Remove(SDDP::COMBINED_UPDATE_EXTENT());
+      const int nothing[4] = { 0, 0, 0, 0 };
+      info->Set(vtkQuellStage::PASS_REGION(), nothing, 4);
     }
   });
-  if (this->UpdateTimeStep(double(tick)))
+  const bool done = this->UpdateTimeStep(double(tick)) != 0;
+  seen.clear();
+  VisitUpstream(this, seen, [](vtkAlgorithm* a) {
+    for (int p = 0; p < a->GetNumberOfOutputPorts(); ++p)
+      a->GetOutputInformation(p)->Remove(vtkQuellStage::PASS_REGION());
+  });
+  if (done)
     return true;
   seen.clear();
   VisitUpstream(this, seen, [this](vtkAlgorithm* a) {
@@ -109,11 +118,7 @@ int vtkQuellCollector::RequestUpdateExtent(vtkInformation*, vtkInformationVector
     vtkQuellStage::REQUESTED_ARRAYS()->Unite(info, names);
   }
   for (const auto& entry : regions)
-  {
-    const quell::Rect& r = entry.second;
-    const int extent[6] = { r.x0, r.x1 - 1, r.y0, r.y1 - 1, 0, 0 };
-    entry.first->Set(SDDP::UPDATE_EXTENT(), extent, 6);
-  }
+    vtkQuellStage::RequestRegion(entry.first, entry.second);
   return 1;
 }
 

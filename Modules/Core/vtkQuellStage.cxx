@@ -8,6 +8,7 @@
 #include "vtkImageData.h"
 #include "vtkInformation.h"
 #include "vtkInformationIntegerKey.h"
+#include "vtkInformationIntegerVectorKey.h"
 #include "vtkInformationVector.h"
 #include "vtkPointData.h"
 #include "vtkQuellArraySetKey.h"
@@ -91,6 +92,28 @@ vtkInformationIntegerKey* vtkQuellStage::IS_QUELL_STAGE()
 {
   static vtkInformationIntegerKey* key = vtkInformationIntegerKey::MakeKey("IS_QUELL_STAGE", "vtkQuellStage");
   return key;
+}
+
+vtkInformationIntegerVectorKey* vtkQuellStage::PASS_REGION()
+{
+  static vtkInformationIntegerVectorKey* key = vtkInformationIntegerVectorKey::MakeKey("PASS_REGION", "vtkQuellStage", 4);
+  return key;
+}
+
+void vtkQuellStage::RequestRegion(vtkInformation* info, const quell::Rect& region)
+{
+  quell::Rect all = region;
+  if (info->Has(PASS_REGION()))
+  {
+    int r[4];
+    info->Get(PASS_REGION(), r);
+    all = region.united({ r[0], r[1], r[2], r[3] });
+    const int united[4] = { all.x0, all.y0, all.x1, all.y1 };
+    info->Set(PASS_REGION(), united, 4);
+  }
+  int extent[6];
+  ExtentOf(all, extent);
+  info->Set(SDDP::UPDATE_EXTENT(), extent, 6);
 }
 
 void vtkQuellStage::PrintSelf(ostream& os, vtkIndent indent)
@@ -359,11 +382,7 @@ int vtkQuellStage::RequestUpdateExtent(
     }
   }
   for (const auto& entry : regions)
-  {
-    int out[6];
-    ExtentOf(entry.second, out);
-    entry.first->Set(SDDP::UPDATE_EXTENT(), out, 6);
-  }
+    RequestRegion(entry.first, entry.second);
   return 1;
 }
 

@@ -39,6 +39,7 @@
 class vtkFloatArray;
 class vtkImageData;
 class vtkInformationIntegerKey;
+class vtkInformationIntegerVectorKey;
 class vtkQuellArraySetKey;
 
 namespace quell
@@ -142,6 +143,11 @@ public:
   static vtkQuellArraySetKey* PROVIDED_ARRAYS();
   /// Marks the output information of a Quell stage or collector: it speaks for itself about arrays.
   static vtkInformationIntegerKey* IS_QUELL_STAGE();
+  /// Union of what this pass asked of an output so far (x0, y0, x1, y1); there only while a vtkQuellCollector updates.
+  /// VTK hands a producer each consumer's extent in turn, so a later, smaller request would replace an earlier one.
+  static vtkInformationIntegerVectorKey* PASS_REGION();
+  /// Sets UPDATE_EXTENT of a producer's output to `region`, united with what this pass asked before.
+  static void RequestRegion(vtkInformation* info, const quell::Rect& region);
 
 protected:
   vtkQuellStage();

@@ -25,7 +25,7 @@ void vtkQuellAlbedoDemodulate::Describe(quell::StageDescription& d)
               "the radiance back to one unit in the last place, also where the albedo is 0. A non-finite albedo counts as 1. "
               "A pixel with non-finite radiance gets the mean of its finite neighbours' illumination (0 if there are none).";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the layer");
-  d.Input("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that the layer holds");
+  d.OptionalInput("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that the layer holds; without it 1");
   d.Output("illumination", quell::ArrayKind::Color, "the layer divided by its albedo");
   QUELL_DOUBLE(d, Floor, "", "smallest divisor; AlbedoModulate must use the same");
 }

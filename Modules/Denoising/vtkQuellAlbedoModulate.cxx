@@ -25,7 +25,7 @@ void vtkQuellAlbedoModulate::Describe(quell::StageDescription& d)
               "before. A non-finite albedo counts as 1. A non-finite illumination is replaced by the mean of its finite "
               "neighbours (0 if there are none).";
   d.Input("illumination", quell::ArrayKind::Color, "illumination", "filtered illumination");
-  d.Input("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that was divided out");
+  d.OptionalInput("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that was divided out; without it 1");
   d.Output("radiance", quell::ArrayKind::Color, "the layer with its albedo");
   QUELL_DOUBLE(d, Floor, "", "smallest factor; the same as in AlbedoDemodulate");
 }

@@ -7,6 +7,8 @@ namespace quell
 {
 namespace
 {
+const float white[3] = { 1, 1, 1 };
+
 float Divisor(float albedo, float floor) noexcept
 {
   if (!Finite(albedo))
@@ -22,7 +24,7 @@ std::int64_t Demodulate(
   const auto illumination = [&](int x, int y, float* v)
   {
     const float* c = radiance.at(x, y);
-    const float* a = albedo.at(x, y);
+    const float* a = albedo ? albedo.at(x, y) : white;
     if (!Finite3(c))
       return false;
     for (int k = 0; k < 3; ++k)
@@ -48,7 +50,7 @@ std::int64_t Modulate(
     {
       float c[3];
       bad += !ReadFilled(illumination, x, y, c);
-      const float* a = albedo.at(x, y);
+      const float* a = albedo ? albedo.at(x, y) : white;
       float* o = out.at(x, y);
       for (int k = 0; k < 3; ++k)
         o[k] = c[k] * Divisor(a[k], floor);

@@ -419,8 +419,7 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
     }
   }
   this->Collector->ClearRequests();
-  // First what runs on the whole frame: VTK unites extents as requests arrive, and a writer's smaller one would replace
-  // the larger one of a producer that has not been visited yet.
+  // What a delayed input reads runs on the whole frame.
   for (const auto& k : this->Kept)
   {
     this->Collector->AddRequest(this->Stages[std::size_t(k.first)], k.second);

@@ -118,6 +118,25 @@ TEST(Collector, SixOutputsRunTheSourceOncePerFrame)
   EXPECT_EQ(boxes[0]->GetCounters().Executions, 3);
 }
 
+TEST(Collector, WholeFrameAndRegionOfOneProducerInEitherOrder)
+{
+  for (bool wholeFirst : { true, false })
+  {
+    vtkNew<vtkQuellTestSource> source;
+    vtkNew<vtkQuellTestBox> box;
+    box->ConnectInput("radiance", source);
+    vtkNew<vtkQuellCollector> sink;
+    if (wholeFirst)
+      sink->AddRequest(source, { "depth" });
+    sink->AddRequest(box, { "radiance" }, { 10, 8, 12, 9 });
+    if (!wholeFirst)
+      sink->AddRequest(source, { "depth" });
+    ASSERT_TRUE(sink->UpdateTick(0));
+    EXPECT_EQ(source->LastRegion, (quell::Rect{ 0, 0, 40, 24 })) << wholeFirst;
+    EXPECT_EQ(source->GetCounters().Executions, 1);
+  }
+}
+
 TEST(Collector, DemandDoesNotSurviveThePass)
 {
   vtkNew<vtkQuellTestSource> source;
