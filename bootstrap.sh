@@ -9,7 +9,7 @@ build=${QUELL_BUILD_DIR:-$top/build}
 
 packages=(g++ cmake ninja-build ccache
   libvtk9-dev libembree-dev libopenimageio-dev libopencolorio-dev libtbb-dev libhwy-dev libexpat1-dev
-  libtinygltf-dev libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev)
+  libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
 usage() { sed -n '3,5s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }

@@ -1,0 +1,13 @@
+file(READ "${SOURCE}/README.md" page)
+if (NOT page MATCHES "```xml\n(<pipeline[^`]*)```")
+  message(FATAL_ERROR "README.md shows no pipeline")
+endif ()
+file(REMOVE_RECURSE "${WORK}")
+file(MAKE_DIRECTORY "${WORK}")
+file(WRITE "${WORK}/first.xml" "${CMAKE_MATCH_1}")
+file(CREATE_LINK "${SOURCE}/Data" "${WORK}/Data" SYMBOLIC)
+execute_process(COMMAND "${PROGRAM}" run first.xml --set pt.Width=64 --set pt.Height=64
+  WORKING_DIRECTORY "${WORK}" RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
+if (NOT status EQUAL 0 OR NOT EXISTS "${WORK}/out/first.exr")
+  message(FATAL_ERROR "exit status ${status}\n${out}\n${err}")
+endif ()
