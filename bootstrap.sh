@@ -8,7 +8,7 @@ top=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 build=${QUELL_BUILD_DIR:-$top/build}
 
 packages=(g++ cmake ninja-build ccache
-  libvtk9-dev libembree-dev libopenimageio-dev libopencolorio-dev libtbb-dev libhwy-dev libexpat1-dev
+  libvtk9-dev libembree-dev libopenimageio-dev openimageio-tools libopencolorio-dev libtbb-dev libhwy-dev libexpat1-dev
   libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
