@@ -2,6 +2,7 @@
 #ifndef quellCommands_h
 #define quellCommands_h
 
+#include "quellExplain.h"
 #include "quellGraph.h"
 #include "quellPipelineExecutor.h"
 #include "quellStageRegistry.h"
@@ -38,11 +39,13 @@ struct PipelineArguments
   std::vector<std::string> Defines, Sets, Outputs;
   std::optional<long long> Seed;
   std::string Frames, Region, OutputDirectory;
+  double WarmUpTolerance = 1e-3;
+  double MemoryMegabytes = 0;  ///< 0: no limit
 };
 struct RunArguments : PipelineArguments
 {
   std::string Stats;
-  bool Quiet = false;
+  bool Quiet = false, Resume = false;
 };
 struct ExplainArguments : PipelineArguments
 {
@@ -80,7 +83,13 @@ struct PreparedRun
   std::unique_ptr<PipelineExecutor> Executor;
   std::optional<DisplayRegion> Region;
   int First = 0, End = 1;
+  HistoryPlan History;
 };
+/// A pipeline file, or an image that a run wrote, with the pipeline in it. Diagnostics are printed; null after an error.
+/// Throws UsageError for an image without pipeline.
+std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors);
+/// The plan of a run; throws UsageError when it needs more than --memory.
+ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);
 /// False after an error that is already printed (exit status 2). Throws UsageError.
 bool PrepareRun(const PipelineArguments& arguments, PreparedRun& run);
 }

@@ -2,11 +2,17 @@
 // Loading a pipeline with its options; the commands that only look at it: check and explain.
 #include "quellCommands.h"
 #include "quellExplain.h"
+#include "quellImageFile.h"
 #include "quellPipelineReader.h"
+#include "quellProvenance.h"
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <sstream>
 
 namespace quell
 {
@@ -98,6 +104,31 @@ std::optional<DisplayRegion> ParseRegion(const std::string& text)
   return DisplayRegion{ v[0], v[1], v[2], v[3] };
 }
 
+/// By its first bytes: the name may be anything.
+bool IsExr(const std::string& file)
+{
+  std::ifstream stream(file, std::ios::binary);
+  const unsigned char magic[4] = { 0x76, 0x2f, 0x31, 0x01 };
+  char head[4] = {};
+  return stream.read(head, sizeof head) && std::memcmp(head, magic, sizeof head) == 0;
+}
+
+/// `inputs` of an image: lines of hash and file name.
+void WarnOfChangedInputs(const std::string& file, const std::string& inputs, const Graph& graph)
+{
+  const std::map<std::string, std::string> now = InputHashes(graph);
+  std::istringstream lines(inputs);
+  std::string hash, name;
+  while (lines >> hash && std::getline(lines >> std::ws, name))
+  {
+    const auto input = now.find(name);
+    if (input != now.end() && input->second != hash)
+    {
+      std::fprintf(stderr, "quell: warning: %s has changed since %s was made\n", name.c_str(), file.c_str());
+    }
+  }
+}
+
 nlohmann::json PlanJson(const ExecutionPlan& plan)
 {
   using nlohmann::json;
@@ -105,7 +136,9 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   out["file"] = plan.File;
   out["width"] = plan.Width;
   out["height"] = plan.Height;
-  out["frames"] = { { "first", plan.FirstTick }, { "end", plan.EndTick }, { "warmUp", plan.WarmUp }, { "rate", plan.Ticks.Rate } };
+  out["frames"] = { { "first", plan.FirstTick }, { "end", plan.EndTick }, { "warmUp", plan.WarmUp },
+    { "restWeight", plan.RestWeight }, { "rate", plan.Ticks.Rate } };
+  out["arrayBytes"] = PlanBytes(plan);
   out["variables"] = json::object();
   for (const auto& v : plan.Variables)
   {
@@ -120,7 +153,7 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   for (const PlannedNode& n : plan.Nodes)
   {
     json node = { { "id", n.Path }, { "type", n.Type }, { "executes", n.Executes }, { "makes", n.Makes }, { "passes", n.Passes },
-      { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes }, { "notes", n.Notes } };
+      { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes }, { "keptBytes", n.KeptBytes }, { "notes", n.Notes } };
     node["region"] = { n.Region.x0, plan.Height - n.Region.y1, n.Region.x1, plan.Height - n.Region.y0 };
     node["properties"] = json::object();
     for (const auto& p : n.Properties)
@@ -163,12 +196,11 @@ bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
   options.OutputDirectory = a.OutputDirectory;
   run.Region = ParseRegion(a.Region);
 
-  Diagnostics messages;
-  run.Pipeline = LoadPipeline(a.File, AllStages(), options, messages);
-  Print(messages);
+  int errors = 0;
+  run.Pipeline = LoadPipelineOrImage(a.File, options, errors);
   if (!run.Pipeline)
   {
-    std::fprintf(stderr, "%s; nothing was executed\n", CountText(messages.ErrorCount(), "error").c_str());
+    std::fprintf(stderr, "%s; nothing was executed\n", CountText(errors, "error").c_str());
     return false;
   }
   ParseFrames(a.Frames, run.Pipeline->Ticks, run.First, run.End);
@@ -178,17 +210,83 @@ bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
     throw UsageError(a.File + ": no output has a file; give one in the pipeline or with --output NAME=FILE");
   }
   run.Executor->SetRegion(run.Region);
+  run.History = PlanHistory(*run.Executor, run.First, a.WarmUpTolerance);
   return true;
+}
+
+std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors)
+{
+  Diagnostics messages;
+  std::shared_ptr<Graph> graph;
+  if (!IsExr(file))
+  {
+    graph = LoadPipeline(file, AllStages(), options, messages);
+  }
+  else
+  {
+    std::map<std::string, std::string> metadata;
+    try
+    {
+      metadata = ReadImageHeader(file).Metadata;
+    }
+    catch (const StageError& e)
+    {
+      throw UsageError(e.what());
+    }
+    if (!metadata.count("pipeline"))
+    {
+      throw UsageError(file + ": no pipeline is in this image; those that quell run writes have it, unless another program "
+                              "wrote them anew");
+    }
+    // Lines and columns of messages are those of the text that quell inspect prints.
+    const auto document = ReadPipelineText(metadata["pipeline"], file, messages);
+    if (document->Place.Line > 0)
+    {
+      graph = BuildGraph(document, AllStages(), options, messages);
+    }
+    messages.Sort();
+    graph = messages.HasErrors() ? nullptr : graph;
+    if (graph)
+    {
+      WarnOfChangedInputs(file, metadata["inputs"], *graph);
+    }
+  }
+  Print(messages);
+  errors = messages.ErrorCount();
+  return graph;
+}
+
+ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)
+{
+  ExecutionPlan plan = MakePlan(*run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance);
+  const double bytes = PlanBytes(plan);
+  if (!plan.Error.empty() || a.MemoryMegabytes <= 0 || bytes <= a.MemoryMegabytes * 1e6)
+  {
+    return plan;
+  }
+  std::vector<const PlannedNode*> nodes;
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    nodes.push_back(&n);
+  }
+  std::stable_sort(nodes.begin(), nodes.end(),
+    [](const PlannedNode* x, const PlannedNode* y) { return x->Bytes + x->KeptBytes > y->Bytes + y->KeptBytes; });
+  std::string largest;
+  for (std::size_t i = 0; i < nodes.size() && i < 3; ++i)
+  {
+    largest += (i ? ", " : "") + Quoted(nodes[i]->Path) + " " + BytesText(nodes[i]->Bytes + nodes[i]->KeptBytes);
+  }
+  throw UsageError("--memory " + detail::FormatDouble(a.MemoryMegabytes) + ": the arrays need " + BytesText(bytes) +
+    ", most of it in " + largest + "; nothing was executed");
 }
 
 int CheckCommand(const std::string& file)
 {
-  Diagnostics messages;
-  const std::shared_ptr<Graph> graph = LoadPipeline(file, AllStages(), GraphOptions(), messages);
-  Print(messages);
+  int errors = 0;
+  const std::shared_ptr<Graph> graph = LoadPipelineOrImage(file, GraphOptions(), errors);
   if (!graph)
   {
-    std::fprintf(stderr, "%s\n", CountText(messages.ErrorCount(), "error").c_str());
+    std::fprintf(stderr, "%s\n", CountText(errors, "error").c_str());
     return ExitUsage;
   }
   int nodes = 0;
@@ -213,7 +311,7 @@ int ExplainCommand(const ExplainArguments& arguments)
   {
     throw UsageError(error);
   }
-  const ExecutionPlan plan = MakePlan(*run.Executor, run.Region, run.First, run.End);
+  const ExecutionPlan plan = CheckedPlan(arguments, run);
   if (!plan.Error.empty())
   {
     std::fprintf(stderr, "quell: error: %s\n", plan.Error.c_str());

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 namespace quell
@@ -74,8 +75,15 @@ void ProgressLine::Update(int framesDone, double done, const std::string& what)
   {
     left = ", " + DurationText(elapsed * (1 - fraction) / fraction) + " left";
   }
-  std::fprintf(stderr, "\r[%s] frame %d of %d%s  %s\033[K", bar.c_str(), std::min(framesDone + 1, this->Frames), this->Frames,
-    left.c_str(), what.substr(0, 32).c_str());
+  std::string line = "[" + bar + "] frame " + std::to_string(std::min(framesDone + 1, this->Frames)) + " of " +
+    std::to_string(this->Frames) + left + "  " + what.substr(0, 32);
+  // A line that wraps cannot be drawn over. The size may change while we run.
+  winsize size{};
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1)
+  {
+    line = line.substr(0, std::size_t(size.ws_col - 1));
+  }
+  std::fprintf(stderr, "\r%s\033[K", line.c_str());
   std::fflush(stderr);
   this->Drawn = true;
 }

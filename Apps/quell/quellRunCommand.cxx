@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "quellCheckpoint.h"
 #include "quellCommands.h"
 #include "quellExplain.h"
+#include "quellImageFile.h"
 #include "quellPipelineWriter.h"
 #include "quellProgressLine.h"
+#include "quellProvenance.h"
 
 #include <nlohmann/json.hpp>
 
@@ -12,7 +15,9 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -21,6 +26,11 @@ namespace quell
 namespace
 {
 using Clock = std::chrono::steady_clock;
+
+std::string RegionText(const DisplayRegion& r)
+{
+  return std::to_string(r.X0) + "," + std::to_string(r.Y0) + "," + std::to_string(r.X1) + "," + std::to_string(r.Y1);
+}
 
 double SecondsSince(Clock::time_point start)
 {
@@ -100,44 +110,255 @@ private:
   std::map<std::string, double> Done, Weights;
 };
 
-std::string HashText(const std::string& text)
-{
-  std::uint64_t h = 14695981039346656037ull;  // FNV-1a
-  for (unsigned char c : text)
-  {
-    h = (h ^ c) * 1099511628211ull;
-  }
-  char out[20];
-  std::snprintf(out, sizeof out, "%016llx", static_cast<unsigned long long>(h));
-  return out;
-}
-
-/// What a file needs to say where it came from.
-std::map<std::string, std::string> Provenance(const RunArguments& a, const Graph& graph)
+/// What a file needs to say where it came from. `pipeline` alone makes the same run again; the rest is for people and checks.
+std::map<std::string, std::string> Provenance(const PreparedRun& run)
 {
   std::map<std::string, std::string> m;
-  m["pipeline"] = WritePipelineText(*graph.Document);
-  m["pipelineHash"] = HashText(m["pipeline"]);
+  Diagnostics messages;
+  m["pipeline"] = WritePipelineText(*SelfContained(*run.Pipeline, AllStages(), messages));
+  std::fputs(messages.ToText().c_str(), stderr);
+  m["pipelineHash"] = HashHex(m["pipeline"]);
   m["version"] = QUELL_VERSION;
-  std::string options;
-  const auto add = [&options](const char* option, const std::vector<std::string>& values) {
-    for (const std::string& v : values)
-    {
-      options += (options.empty() ? "" : "\n") + std::string(option) + " " + v;
-    }
-  };
-  add("-D", a.Defines);
-  add("--set", a.Sets);
-  if (a.Seed)
+  for (const auto& input : InputHashes(*run.Pipeline))
   {
-    add("--seed", { std::to_string(*a.Seed) });
+    m["inputs"] += input.second + " " + input.first + "\n";
   }
-  if (!options.empty())
+  m["frames"] = std::to_string(run.First) + ":" + std::to_string(run.End);
+  if (run.Region)
   {
-    m["options"] = options;
+    m["region"] = RegionText(*run.Region);
+  }
+  if (run.History.RestWeight > 0)
+  {
+    m["warmUp"] = std::to_string(run.History.Frames);
   }
   return m;
 }
+
+/// Where a run starts, and which frames it need not make.
+struct Progress
+{
+  int Start = 0;            ///< the first tick to run
+  std::set<int> Done;       ///< finished by an earlier run
+};
+
+/// Frames without history are finished when their files are there and of this very pipeline.
+void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std::string>& metadata, Progress& progress)
+{
+  const PipelineExecutor& executor = *run.Executor;
+  const Graph& graph = *run.Pipeline;
+  for (const PipelineExecutor::Target& t : executor.Targets())
+  {
+    const std::string& path = graph.Nodes[std::size_t(t.Node)].Path;
+    const vtkQuellStage* stage = executor.GetStage(path);
+    if (!stage->GetDescription().FindProperty("File"))
+    {
+      std::fprintf(stderr, "quell: --resume: node %s writes no file that would tell which frames are done; starting from frame %d\n",
+        Quoted(path).c_str(), run.First);
+      return;
+    }
+  }
+  for (int tick = run.First; tick < run.End; ++tick)
+  {
+    bool done = true;
+    for (const PipelineExecutor::Target& t : executor.Targets())
+    {
+      const vtkQuellStage* stage = executor.GetStage(graph.Nodes[std::size_t(t.Node)].Path);
+      const std::string pattern = stage->GetPropertyText("File");
+      if ((t.LastOnly && tick + 1 < run.End) || !done)
+      {
+        continue;
+      }
+      const std::string file = SequencePath(pattern, tick);
+      std::error_code code;
+      done = std::filesystem::is_regular_file(file, code);
+      std::map<std::string, std::string> theirs;
+      try
+      {
+        theirs = done ? ReadImageHeader(file).Metadata : theirs;
+      }
+      catch (const StageError&)
+      {
+        done = false;  // half a file of another program; it is written anew
+      }
+      // Formats other than EXR carry no hash: being there has to do.
+      const auto value = [](const std::map<std::string, std::string>& m, const char* key) {
+        const auto found = m.find(key);
+        return found == m.end() ? std::string() : found->second;
+      };
+      if (done && theirs.count("pipelineHash"))
+      {
+        for (const char* key : { "pipelineHash", "inputs", "region", "version" })
+        {
+          if (value(theirs, key) != value(metadata, key))
+          {
+            throw UsageError("--resume: " + file + " was made by another " +
+              (std::strcmp(key, "pipelineHash") == 0 ? "pipeline or other options"
+                  : std::strcmp(key, "inputs") == 0  ? "state of the input files"
+                  : std::strcmp(key, "region") == 0  ? "region"
+                                                     : "version of this program") +
+              "; nothing was executed");
+          }
+        }
+      }
+      // Without a number in its name the file is of whatever frame was last.
+      done = done && (pattern != file || !theirs.count("frames") || value(theirs, "frames") == value(metadata, "frames"));
+    }
+    if (done)
+    {
+      progress.Done.insert(tick);
+    }
+  }
+  if (progress.Done.empty())
+  {
+    std::fprintf(stderr, "quell: --resume: no frame is finished; starting from frame %d\n", run.First);
+  }
+  else
+  {
+    std::fprintf(stderr, "quell: --resume: %d of %d frames are there already and are not made again\n", int(progress.Done.size()),
+      run.End - run.First);
+  }
+}
+
+/// Keeps the file from which an interrupted run goes on; only for sequences with history.
+class Checkpoints
+{
+public:
+  Checkpoints(PreparedRun& run) : Run(run), Start(run.First - run.History.Frames)
+  {
+    this->On = run.Executor->HasDelays() && run.End - this->Start > 1;
+    this->File = CheckpointPath(*run.Executor);
+    if (this->On)
+    {
+      this->Identity = IdentityOf(*run.Executor, run.Region, this->Start, QUELL_VERSION);
+    }
+  }
+
+  /// Before it is overwritten: somebody may have forgotten --resume.
+  void MentionOld() const
+  {
+    std::error_code code;
+    if (this->On && std::filesystem::exists(this->File, code))
+    {
+      std::fprintf(stderr, "quell: %s of a run that was not completed is there; starting from frame %d, --resume would go on\n",
+        this->File.c_str(), this->Start);
+    }
+  }
+
+  void SetProgress(ProgressLine* line) { this->Line = line; }
+
+  /// Where to start; throws UsageError when there is a checkpoint that is not of this run.
+  int Resume()
+  {
+    std::error_code code;
+    if (!this->On || !std::filesystem::exists(this->File, code))
+    {
+      std::fprintf(stderr, "quell: --resume: there is no checkpoint %s; starting from frame %d\n", this->File.c_str(), this->Start);
+      return this->Start;
+    }
+    try
+    {
+      const Checkpoint checkpoint = ReadCheckpoint(this->File);
+      const std::string difference = DifferenceOf(checkpoint.Identity, this->Identity);
+      if (!difference.empty())
+      {
+        throw UsageError("--resume: checkpoint " + this->File + " is of another run: " + difference + "; nothing was executed");
+      }
+      if (checkpoint.Tick < this->Start || checkpoint.Tick + 1 >= this->Run.End)
+      {
+        throw UsageError("--resume: checkpoint " + this->File + " is of frame " + std::to_string(checkpoint.Tick) +
+          ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" + std::to_string(this->Run.End) +
+          " to be made; nothing was executed");
+      }
+      std::string error;
+      if (!Restore(*this->Run.Executor, checkpoint, error))
+      {
+        throw UsageError("--resume: checkpoint " + this->File + ": " + error);
+      }
+      this->Saved = this->Finished = checkpoint.Tick;
+      this->Any = true;
+    }
+    catch (const StageError& e)
+    {
+      throw UsageError(std::string("--resume: ") + e.what() + "; delete it to start from the beginning");
+    }
+    std::fprintf(stderr, "quell: --resume: going on after frame %d, from %s\n", this->Saved, this->File.c_str());
+    return this->Saved + 1;
+  }
+
+  /// After a whole frame. Writing may take a tenth of the time: small frames are not slowed down, and a run that stops by
+  /// itself writes in End().
+  void FrameDone(int tick)
+  {
+    this->Finished = tick;
+    this->Any = true;
+    if (this->On && SecondsSince(this->LastWrite) >= 10 * this->Cost)
+    {
+      this->Write();
+    }
+  }
+
+  void End(bool complete)
+  {
+    std::error_code code;
+    if (complete)
+    {
+      if (this->On)
+      {
+        std::filesystem::remove(this->File, code);
+      }
+      return;
+    }
+    if (this->On && this->Any && this->Finished != this->Saved)
+    {
+      this->Write();
+    }
+    if (this->Saved > NoTick)
+    {
+      std::fprintf(stderr, "quell: --resume goes on after frame %d\n", this->Saved);
+    }
+  }
+
+private:
+  void Write()
+  {
+    const Clock::time_point start = Clock::now();
+    Checkpoint checkpoint;
+    checkpoint.Identity = this->Identity;
+    checkpoint.Tick = this->Finished;
+    if (const FrameHistory::Frame* frame = this->Run.Executor->GetHistory().FindFrame(this->Finished))
+    {
+      checkpoint.Frame = *frame;
+    }
+    try
+    {
+      WriteCheckpoint(this->File, checkpoint);
+      this->Saved = this->Finished;
+    }
+    catch (const StageError& e)
+    {
+      if (this->Line)
+      {
+        this->Line->Clear();
+      }
+      std::fprintf(stderr, "quell: warning: %s; this run cannot be resumed\n", e.what());
+      this->On = false;
+    }
+    this->LastWrite = Clock::now();
+    this->Cost = SecondsSince(start);
+  }
+
+  static constexpr int NoTick = std::numeric_limits<int>::min();
+  PreparedRun& Run;
+  int Start;
+  bool On = false, Any = false;
+  std::string File;
+  RunIdentity Identity;
+  ProgressLine* Line = nullptr;
+  int Finished = NoTick, Saved = NoTick;
+  Clock::time_point LastWrite = Clock::now();
+  double Cost = 0;
+};
 
 std::string Enumerated(const std::vector<std::string>& names)
 {
@@ -228,11 +449,48 @@ int RunCommand(const RunArguments& arguments)
   const auto token = std::make_shared<CancelToken>();
   const InterruptScope interrupts(token.get());
   executor.SetCancelToken(token);
-  executor.SetMetadata(Provenance(arguments, *run.Pipeline));
+  if (arguments.MemoryMegabytes > 0)
+  {
+    const ExecutionPlan plan = CheckedPlan(arguments, run);
+    if (!plan.Error.empty())
+    {
+      std::fprintf(stderr, "quell: error: %s\n", plan.Error.c_str());
+      return ExitFailed;
+    }
+  }
+  const std::map<std::string, std::string> metadata = Provenance(run);
+  executor.SetMetadata(metadata);
+  executor.SetHistoryLength(1);  // a run only goes forward
 
-  const int warmUp = WarmUpFrames(executor, run.First);
-  const int frames = run.End - run.First, ticks = frames + warmUp;
+  Progress resumed;
+  resumed.Start = run.First - run.History.Frames;
+  Checkpoints checkpoints(run);
+  if (arguments.Resume && executor.HasDelays())
+  {
+    resumed.Start = checkpoints.Resume();
+  }
+  else if (arguments.Resume)
+  {
+    SkipFinishedFrames(run, metadata, resumed);
+  }
+  else
+  {
+    checkpoints.MentionOld();
+  }
+  const std::string history = HistoryText(run.History);
+  if (!history.empty() && resumed.Start < run.First)
+  {
+    std::fprintf(stderr, "quell: %s\n", history.c_str());
+  }
+  const int ticks = run.End - resumed.Start - int(resumed.Done.size());
+  const int frames = run.End - std::max(run.First, resumed.Start) - int(resumed.Done.size());
+  if (frames == 0)
+  {
+    std::printf("nothing to do: all %d frames are there\n", run.End - run.First);
+    return ExitDone;
+  }
   ProgressLine line(ticks, arguments.Quiet);
+  checkpoints.SetProgress(&line);
   FrameProgress progress(executor);
   int done = 0;
   executor.SetProgress([&](const std::string& node, double fraction) { line.Update(done, progress.Update(node, fraction), node); });
@@ -242,8 +500,12 @@ int RunCommand(const RunArguments& arguments)
   std::vector<double> frameSeconds;
   std::set<std::string> warned;
   int finished = 0, status = ExitDone;
-  for (int tick = run.First - warmUp; tick < run.End; ++tick)
+  for (int tick = resumed.Start; tick < run.End; ++tick)
   {
+    if (resumed.Done.count(tick))
+    {
+      continue;
+    }
     progress.NewFrame();
     const Clock::time_point frameStart = Clock::now();
     const TickMode mode = tick < run.First ? TickMode::WarmUp : tick + 1 < run.End ? TickMode::Frame : TickMode::LastFrame;
@@ -274,10 +536,12 @@ int RunCommand(const RunArguments& arguments)
     files.insert(files.end(), result.Files.begin(), result.Files.end());
     finished += mode != TickMode::WarmUp;
     ++done;
+    checkpoints.FrameDone(tick);
     frameSeconds.push_back(SecondsSince(frameStart));
     line.FrameDone(tick, done, frameSeconds.back());
   }
   line.Clear();
+  checkpoints.End(status == ExitDone);
   const double seconds = SecondsSince(start);
 
   if (finished > 0)

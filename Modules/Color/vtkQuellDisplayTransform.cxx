@@ -152,7 +152,8 @@ std::string vtkQuellDisplayTransform::ShippedConfig()
     Listed(tried) + ")");
 }
 
-void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
+// Makes the processor where settings or file changed; all mistakes in them end here.
+void vtkQuellDisplayTransform::CheckSettings()
 {
   const std::string path = this->Config.empty() ? ShippedConfig() : this->Config;
   std::error_code ec;
@@ -192,7 +193,11 @@ void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
     this->Data->Key = key;
     this->Data->Written = written;
   }
+}
 
+void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
+{
+  this->CheckSettings();
   const quell::ImageIn in = frame.Input(0);
   const quell::Rect region = frame.Region().clipped(in.extent);
   long long bad = 0;

@@ -43,6 +43,7 @@ public:
   static std::string ShippedConfig();
 
   int HaloFor(int port) const override;
+  void CheckSettings() override;
 
 protected:
   vtkQuellDisplayTransform();

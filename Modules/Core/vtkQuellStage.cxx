@@ -231,6 +231,11 @@ bool vtkQuellStage::NeedsInput(int, const quell::ArraySet&) const
   return true;
 }
 
+double vtkQuellStage::HistoryWeight(int) const
+{
+  return 1;
+}
+
 bool vtkQuellStage::AllowsOtherExtent(int) const
 {
   return false;

@@ -126,6 +126,10 @@ public:
   /// Lines for `quell explain`: what this stage leaves out in this scene and why.
   virtual std::vector<std::string> Explain() { return {}; }
 
+  /// Refuses what can be refused without input and without pixels: a view that the configuration lacks, a file name whose
+  /// format nobody writes, a missing scene. Throws quell::StageError; called for every node before a pipeline runs.
+  virtual void CheckSettings() {}
+
   /// Array names the output may hold besides the described ones, known without executing (a reader's layers);
   /// throws quell::StageError when they cannot be known (missing file).
   virtual std::vector<quell::OutputArray> ListDynamicOutputs() { return {}; }
@@ -138,6 +142,11 @@ public:
   /// Whether `port` may have another size than the stage's output (a reference image); then its whole extent is read and
   /// sizes are not compared.
   virtual bool AllowsOtherExtent(int port) const;
+
+  /// Largest part, in [0, 1], that what comes in through `port` keeps in the outputs while the other inputs share the rest:
+  /// how fast a loop through this stage forgets. 1 - alpha for the history that is mixed with weight alpha; 1, the default,
+  /// is right for filters (the past passes them whole) and the safe answer of a stage that does not know.
+  virtual double HistoryWeight(int port) const;
 
   static vtkQuellArraySetKey* REQUESTED_ARRAYS();
   static vtkQuellArraySetKey* PROVIDED_ARRAYS();

@@ -58,6 +58,13 @@ const std::map<std::string, std::string>& BlenderRoles()
   return roles;
 }
 
+/// Those of them that are albedos: what their light passes are multiplied by.
+const std::set<std::string>& ReflectanceRoles()
+{
+  static const std::set<std::string> roles{ "diffuseColor", "glossyColor", "transmissionColor", "subsurfaceColor" };
+  return roles;
+}
+
 const std::map<std::string, std::string>& PbrtRoles()
 {
   static const std::map<std::string, std::string> roles{ { "n", "normalGeometric" }, { "ns", "normal" } };
@@ -280,10 +287,14 @@ std::vector<NamedChannels> NameArrays(const std::vector<FilePart>& parts, Channe
     else
       name = RoleOf(g, dialect);
 
-    const auto recorded = dialect == ChannelDialect::Quell ? kinds.find(g.Path) : kinds.end();
+    // What the file says of its plain channels is not true of the array that the user takes them for.
+    const bool renamed = g.Path.empty() && plain != "radiance";
+    const auto recorded = dialect == ChannelDialect::Quell && !renamed ? kinds.find(g.Path) : kinds.end();
     const ArrayType* known = FindArray(name);
     if (g.Path.empty() && recorded == kinds.end() && !known)
       array.Kind = ArrayKind::Color;
+    if (dialect == ChannelDialect::Blender && g.Channels.size() == 3 && ReflectanceRoles().count(name))
+      array.Kind = ArrayKind::Albedo;
     if (known)
     {
       const int wanted = known->Components;

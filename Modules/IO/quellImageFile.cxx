@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -734,6 +735,30 @@ std::string SequencePath(const std::string& pattern, int tick)
   return pattern.substr(0, first) + digits + pattern.substr(last + 1);
 }
 
+std::string SequenceSample(const std::string& pattern, int tick)
+{
+  const std::string wanted = SequencePath(pattern, tick);
+  std::error_code error;
+  if (wanted == pattern || std::filesystem::exists(wanted, error))
+    return wanted;
+  const std::filesystem::path folder = std::filesystem::path(pattern).parent_path();
+  long long lowest = -1;
+  for (std::filesystem::directory_iterator file(folder.empty() ? "." : folder, error), end; !error && file != end;
+       file.increment(error))
+  {
+    // A file belongs when its digits, put into the pattern, give its name.
+    const std::string name = (folder / file->path().filename()).string();
+    std::size_t at = std::mismatch(name.begin(), name.end(), pattern.begin(), pattern.end()).first - name.begin();
+    while (at > 0 && std::isdigit(static_cast<unsigned char>(name[at - 1])))
+      --at;
+    int number = 0;
+    const auto parsed = std::from_chars(name.data() + at, name.data() + name.size(), number);
+    if (parsed.ec == std::errc() && number >= 0 && (lowest < 0 || number < lowest) && SequencePath(pattern, number) == name)
+      lowest = number;
+  }
+  return lowest < 0 ? wanted : SequencePath(pattern, int(lowest));
+}
+
 namespace
 {
 /// A layer ready to be written.
@@ -1053,6 +1078,39 @@ void WriteOther(const std::string& path, const std::string& temporary, const std
 }
 }
 
+namespace
+{
+std::string KnownExtension(const std::string& path)
+{
+  std::string extension = fs::path(path).extension().string();
+  for (char& c : extension)
+    c = char(std::tolower(static_cast<unsigned char>(c)));
+  static const std::set<std::string> known{ ".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".hdr" };
+  if (!known.count(extension))
+    Refuse("write", path, extension.empty() ? "the name has no extension" : "\"" + extension + "\" is not a known format",
+      "end it in .exr (or .png, .jpg, .tif, .bmp, .tga, .hdr)");
+  return extension;
+}
+}
+
+void CheckWritable(const std::string& path)
+{
+  if (path.empty())
+    throw StageError("no file name given to write to; set File");
+  KnownExtension(path);
+  std::error_code ec;
+  if (fs::is_directory(path, ec))
+    Refuse("write", path, "it is a directory", "name a file in it");
+  // The directory itself may be made later: what exists of the way to it decides.
+  fs::path place = fs::absolute(path, ec).parent_path();
+  while (!fs::exists(place, ec) && place.has_parent_path() && place != place.parent_path())
+    place = place.parent_path();
+  if (!fs::is_directory(place, ec))
+    Refuse("write", path, "\"" + place.string() + "\" is not a directory", "choose another place");
+  if (access(place.c_str(), W_OK) != 0)
+    Refuse("write", path, "no files can be made in \"" + place.string() + "\"", "choose another place");
+}
+
 void WriteImageFile(const std::string& path, vtkImageData* image, const std::vector<LayerSpec>& layers,
   const WriteOptions& options, WriteReport* report)
 {
@@ -1072,13 +1130,7 @@ void WriteImageFile(const std::string& path, vtkImageData* image, const std::vec
       Refuse("write", path, "the image is empty or has several slices", "");
     if (!Rect{ 0, 0, width, height }.contains(region))
       Refuse("write", path, "the region lies outside the frame", "");
-    std::string extension = fs::path(path).extension().string();
-    for (char& c : extension)
-      c = char(std::tolower(static_cast<unsigned char>(c)));
-    static const std::set<std::string> known{ ".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".hdr" };
-    if (!known.count(extension))
-      Refuse("write", path, extension.empty() ? "the name has no extension" : "\"" + extension + "\" is not a known format",
-        "end it in .exr (or .png, .jpg, .tif, .bmp, .tga, .hdr)");
+    const std::string extension = KnownExtension(path);
     const std::vector<OutLayer> ready = PrepareLayers(path, first, layers, region, options.Half);
     const fs::path parent = fs::path(path).parent_path();
     if (!parent.empty())

@@ -106,6 +106,10 @@ struct WriteReport
   std::vector<std::string> Warnings;
 };
 
+/// What WriteImageFile would refuse `path` for before it has pixels: a format that nobody writes, a place where no file can
+/// be made. Throws quell::StageError; makes nothing.
+VTKQUELLIO_EXPORT void CheckWritable(const std::string& path);
+
 /// Writes `layers` (empty: every array, radiance first) in one file: under a temporary name in the same directory, then
 /// renamed, so that a reader sees the old file or the whole new one. Creates directories. Formats other than EXR hold one
 /// colour and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr: linear.
@@ -114,6 +118,9 @@ VTKQUELLIO_EXPORT void WriteImageFile(const std::string& path, vtkImageData* ima
 
 /// Replaces the last run of `#` in the file name by the tick, padded with zeros to at least that many digits.
 VTKQUELLIO_EXPORT std::string SequencePath(const std::string& pattern, int tick);
+
+/// The file of `tick`, or where it does not exist the file of the sequence with the lowest number, if there is any.
+VTKQUELLIO_EXPORT std::string SequenceSample(const std::string& pattern, int tick);
 }
 
 #endif

@@ -9,6 +9,7 @@
 #include "vtkPointData.h"
 
 #include <algorithm>
+#include <cmath>
 
 vtkStandardNewMacro(vtkQuellImageReader);
 QUELL_STAGE_DESCRIPTION(vtkQuellImageReader)
@@ -76,9 +77,10 @@ void vtkQuellImageReader::DescribeSource(int& width, int& height)
 
 std::vector<quell::OutputArray> vtkQuellImageReader::ListDynamicOutputs()
 {
+  // A graph asks before it knows its first tick: any file of the sequence tells the names.
   const quell::ReadOptions options = OptionsOf(this);
   const quell::ReadReport header =
-    quell::ReadImageHeader(quell::SequencePath(this->File, this->Ticks.First), options);
+    quell::ReadImageHeader(quell::SequenceSample(this->File, this->Ticks.First), options);
   std::vector<quell::OutputArray> list;
   for (const quell::FileArray& array : header.Arrays)
   {
@@ -92,6 +94,33 @@ std::vector<quell::OutputArray> vtkQuellImageReader::ListDynamicOutputs()
     list.push_back(out);
   }
   return list;
+}
+
+// Foreign files are where non-finite values come in: here they are counted and located, filters only survive them.
+void vtkQuellImageReader::CountNonFinite(const std::string& name, const quell::ImageIn& view)
+{
+  const quell::ArrayType* known = quell::FindArray(name);
+  // Infinity is what depth and hit distance hold where nothing was hit.
+  const bool infinityIsFine = known && std::isinf(known->Background);
+  long long bad = 0;
+  int firstX = 0, firstY = 0;
+  for (int y = view.extent.y0; y < view.extent.y1; ++y)
+    for (int x = view.extent.x0; x < view.extent.x1; ++x)
+    {
+      const float* v = view.at(x, y);
+      bool fine = true;
+      for (int c = 0; c < view.components; ++c)
+        fine = fine && (std::isfinite(v[c]) || (infinityIsFine && v[c] > 0));
+      if (!fine && bad++ == 0)
+      {
+        firstX = x;
+        firstY = y;
+      }
+    }
+  this->Counters.NonFinite += bad;
+  if (bad)
+    this->Warnings.push_back(std::to_string(bad) + " pixels of " + name + " are not finite, the first at (" +
+      std::to_string(firstX) + ", " + std::to_string(firstY) + ") from the bottom left");
 }
 
 void vtkQuellImageReader::Execute(quell::StageFrame& frame)
@@ -119,6 +148,7 @@ void vtkQuellImageReader::Execute(quell::StageFrame& frame)
       throw quell::StageError("cannot read \"" + path + "\": \"" + name + "\" has " + std::to_string(components) +
         " components there, not " + std::to_string(out.components));
     std::copy_n(array->GetPointer(0), array->GetNumberOfValues(), out.data);
+    this->CountNonFinite(name, out);
   }
   frame.OutputFacts = report.Facts;
   frame.OutputFacts.Tick = frame.Tick();

@@ -44,6 +44,8 @@ protected:
   void Execute(quell::StageFrame& frame) override;
 
 private:
+  void CountNonFinite(const std::string& name, const quell::ImageIn& view);
+
   std::string File;
   std::string PlainArray = "radiance";
   int Transfer = 0;

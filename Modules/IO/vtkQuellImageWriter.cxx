@@ -104,6 +104,13 @@ quell::ArrayKind vtkQuellImageWriter::KindOf(int connection, const std::string& 
   return quell::ArrayKind::Any;
 }
 
+void vtkQuellImageWriter::CheckSettings()
+{
+  if (this->File.empty())
+    throw quell::StageError("no file name given; set File");
+  quell::CheckWritable(quell::SequencePath(this->File, this->Ticks.First));
+}
+
 void vtkQuellImageWriter::Execute(quell::StageFrame& frame)
 {
   this->Files.clear();

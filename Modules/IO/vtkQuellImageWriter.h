@@ -45,6 +45,7 @@ public:
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
   /// Kept as string attributes `quell:<key>`. Takes effect when the next file is written.
   void SetMetadata(const std::map<std::string, std::string>& entries) override;
+  void CheckSettings() override;
   std::vector<std::string> GetFilesWritten() const override { return this->Files; }
 
 protected:

@@ -76,6 +76,9 @@ PlaneLayout TileLayout(const BilateralInputs& in, const BilateralParameters& p, 
   return PlaneLayout(tile.grown(r).clipped(in.radiance.extent), r);
 }
 
+/// Differences of colours beyond this count as this: 129 x 129 of them do not overflow a float.
+constexpr float LargestStep = 1e34f;
+
 /// sqrt(log2(e) / 2) / sigma; 0 turns into 2^60: exact, so that only equal values have a difference of 0.
 double FeatureScale(double sigma) noexcept
 {
@@ -112,6 +115,9 @@ void BilateralRow(const BilateralTile& t, const float* spatial, int radius, int 
   using V = hn::Vec<decltype(d)>;
   const int lanes = int(hn::Lanes(d)), side = 2 * radius + 1;
   const V zero = hn::Zero(d), one = hn::Set(d, 1.f);
+  const V step = hn::Set(d, LargestStep), minusStep = hn::Set(d, -LargestStep);
+  const auto difference = [&](const float* plane, V centre)
+  { return hn::Min(hn::Max(hn::Sub(hn::LoadU(d, plane), centre), minusStep), step); };
   const auto first = t.layout.at(x0, y);
   for (int i = 0; i < x1 - x0; i += lanes)
   {
@@ -154,9 +160,9 @@ void BilateralRow(const BilateralTile& t, const float* spatial, int radius, int 
         }
         const V w = NegExp2(d, e);
         sw = hn::Add(sw, w);
-        sr = hn::MulAdd(w, hn::Sub(hn::LoadU(d, t.color[0] + q), r), sr);
-        sg = hn::MulAdd(w, hn::Sub(hn::LoadU(d, t.color[1] + q), g), sg);
-        sb = hn::MulAdd(w, hn::Sub(hn::LoadU(d, t.color[2] + q), b), sb);
+        sr = hn::MulAdd(w, difference(t.color[0] + q, r), sr);
+        sg = hn::MulAdd(w, difference(t.color[1] + q, g), sg);
+        sb = hn::MulAdd(w, difference(t.color[2] + q, b), sb);
       }
     }
     const auto some = hn::Gt(sw, hn::Set(d, 1e-30f));

@@ -21,6 +21,7 @@ namespace
 {
 constexpr float VarianceDepthTiny = 1e-30f;
 constexpr float LargestDifference = 1e18f; // its square, 49 times, is still a float
+constexpr float LargestStep = 1e34f;       // colour differences: 49 of them do not overflow either
 constexpr float AloneWeight = 0.01f;
 constexpr float LargestMoment = 1e36f;
 }
@@ -42,6 +43,7 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
   const V zero = hn::Zero(d), one = hn::Set(d, 1.f), log2e = hn::Set(d, Log2E);
   const V inf = hn::Set(d, std::numeric_limits<float>::infinity());
   const V largest = hn::Set(d, LargestDifference);
+  const V step = hn::Set(d, LargestStep), minusStep = hn::Set(d, -LargestStep);
   const bool normals = a.guides.normal[0] && a.sigmaNormal != 0;
   const V sigmaNormal = hn::Set(d, a.sigmaNormal);
   const float* mean = a.moments.mean ? a.moments.mean : a.in.luminance;
@@ -117,7 +119,10 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
           hn::Store(w, d, row + (dx + R) * lanes);
           sw = hn::Add(sw, w);
           for (int k = 0; k < 3; ++k)
-            sc[k] = hn::MulAdd(w, hn::Sub(hn::LoadU(d, a.in.color[k] + q), c[k]), sc[k]);
+          {
+            const V delta = hn::Sub(hn::LoadU(d, a.in.color[k] + q), c[k]);
+            sc[k] = hn::MulAdd(w, hn::Min(hn::Max(delta, minusStep), step), sc[k]);
+          }
           const V m = hn::IfThenElseZero(hn::Gt(w, zero), hn::Sub(hn::LoadU(d, mean + q), shift));
           sm = hn::MulAdd(w, m, sm);
         }
@@ -278,7 +283,10 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
             if (w > 0)
               sm += double(w) * mean[q];
             for (int c = 0; c < 3; ++c)
-              sc[c] += double(w) * (a.in.color[c][q] - a.in.color[c][p]);
+            {
+              const double delta = double(a.in.color[c][q]) - a.in.color[c][p];
+              sc[c] += double(w) * std::min(std::max(delta, -double(LargestStep)), double(LargestStep));
+            }
           }
         if (pass == 1)
         {

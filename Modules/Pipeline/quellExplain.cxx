@@ -25,20 +25,6 @@ std::string RegionText(const Rect& r, int height)
     std::to_string(height - r.y0);
 }
 
-std::string BytesText(double bytes)
-{
-  const char* const units[] = { "B", "kB", "MB", "GB" };
-  int u = 0;
-  while (bytes >= 1000 && u < 3)
-  {
-    bytes /= 1000;
-    ++u;
-  }
-  char text[48];
-  std::snprintf(text, sizeof text, u ? "%.1f %s" : "%.0f %s", bytes, units[u]);
-  return text;
-}
-
 std::string DotQuoted(const std::string& s)
 {
   std::string out = "\"";
@@ -54,12 +40,113 @@ std::string DotQuoted(const std::string& s)
 }
 }
 
-int WarmUpFrames(const PipelineExecutor& executor, int first)
+std::string BytesText(double bytes)
 {
-  return executor.HasDelays() ? std::max(0, first - executor.GetGraph().Ticks.First) : 0;
+  const char* const units[] = { "B", "kB", "MB", "GB" };
+  int u = 0;
+  while (bytes >= 1000 && u < 3)
+  {
+    bytes /= 1000;
+    ++u;
+  }
+  char text[48];
+  std::snprintf(text, sizeof text, u ? "%.1f %s" : "%.0f %s", bytes, units[u]);
+  return text;
 }
 
-ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end)
+double PlanBytes(const ExecutionPlan& plan)
+{
+  double bytes = 0;
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    bytes += n.Bytes + n.KeptBytes;
+  }
+  return bytes;
+}
+
+HistoryPlan PlanHistory(const PipelineExecutor& executor, int first, double tolerance)
+{
+  const Graph& graph = executor.GetGraph();
+  HistoryPlan plan;
+  const int available = std::max(0, first - graph.Ticks.First);
+  if (!executor.HasDelays() || available == 0)
+  {
+    return plan;
+  }
+  std::vector<int> written;
+  for (const PipelineExecutor::Target& t : executor.Targets())
+  {
+    written.push_back(t.Node);
+  }
+  std::vector<double> before(graph.Nodes.size(), 1.);
+  for (int frames = 0; frames < available; ++frames)
+  {
+    // T of frames + 1; the first round is T_1, what no frame before leaves.
+    std::vector<double> now(graph.Nodes.size(), 0.);
+    for (int n : graph.Order)
+    {
+      const GraphNode& node = graph.Nodes[std::size_t(n)];
+      const vtkQuellStage* stage = executor.GetStage(node.Path);
+      if (!stage)
+      {
+        continue;
+      }
+      double whole = 0;
+      for (const GraphEdge& e : node.Inputs)
+      {
+        if (!(stage->HistoryWeight(e.Port) < 1))
+        {
+          whole = std::max(whole, (e.Delayed ? before : now)[std::size_t(e.Producer)]);
+        }
+      }
+      double rest = whole;
+      for (const GraphEdge& e : node.Inputs)
+      {
+        const double weight = stage->HistoryWeight(e.Port);
+        if (weight < 1)
+        {
+          const double old = (e.Delayed ? before : now)[std::size_t(e.Producer)];
+          rest = std::max(rest, whole + std::max(0., weight) * std::max(0., old - whole));
+        }
+      }
+      now[std::size_t(n)] = rest;
+    }
+    double rest = 0;
+    for (int n : written)
+    {
+      rest = std::max(rest, now[std::size_t(n)]);
+    }
+    if (rest <= tolerance)
+    {
+      plan.Frames = frames;
+      plan.RestWeight = rest;
+      return plan;
+    }
+    before = std::move(now);
+  }
+  plan.Frames = available;
+  return plan;
+}
+
+std::string HistoryText(const HistoryPlan& history)
+{
+  if (history.Frames == 0 && history.RestWeight == 0)
+  {
+    return std::string();
+  }
+  const std::string frames = history.Frames == 1 ? "1 frame before is" : std::to_string(history.Frames) + " frames before are";
+  const std::string text = "history: " + frames + " computed and not written";
+  if (history.RestWeight == 0)
+  {
+    return text + "; the bits are those of a run from the first frame";
+  }
+  char weight[32];
+  std::snprintf(weight, sizeof weight, "%.2g", history.RestWeight);
+  return text + "; those before them would have had a weight of at most " + weight;
+}
+
+ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end,
+  double tolerance)
 {
   const Graph& graph = executor.GetGraph();
   ExecutionPlan plan;
@@ -67,7 +154,9 @@ ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRe
   plan.Ticks = graph.Ticks;
   plan.FirstTick = first;
   plan.EndTick = end;
-  plan.WarmUp = WarmUpFrames(executor, first);
+  const HistoryPlan history = PlanHistory(executor, first, tolerance);
+  plan.WarmUp = history.Frames;
+  plan.RestWeight = history.RestWeight;
   plan.Variables.assign(graph.Variables.begin(), graph.Variables.end());
   for (const GraphOutput& o : graph.Outputs)
   {
@@ -177,6 +266,11 @@ ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRe
     if (kept != executor.KeptArrays().end())
     {
       planned.Keeps.assign(kept->second.begin(), kept->second.end());
+      for (const OutputArray& a : graph.Arrays(int(n)))
+      {
+        planned.KeptBytes += kept->second.count(a.Name)
+          ? double(d.Region.area()) * std::max(1, a.Components) * double(sizeof(float)) : 0.;
+      }
     }
     for (const GraphEdge& e : node.Inputs)
     {
@@ -243,11 +337,8 @@ std::string PlanText(const ExecutionPlan& plan)
     out += ", " + std::to_string(plan.Width) + " x " + std::to_string(plan.Height) + " pixels";
   }
   out += "\n";
-  if (plan.WarmUp > 0)
-  {
-    out += "history: " + std::to_string(plan.WarmUp) +
-      " frames before these are computed and not written, so that the bits are those of a run from the first frame\n";
-  }
+  const std::string history = HistoryText({ plan.WarmUp, plan.RestWeight });
+  out += history.empty() ? history : history + "\n";
   if (!plan.Variables.empty())
   {
     out += "variables:";
@@ -340,6 +431,11 @@ std::string PlanText(const ExecutionPlan& plan)
     int(std::count_if(plan.Nodes.begin(), plan.Nodes.end(), [](const PlannedNode& n) { return n.Executes; })), pixels,
     BytesText(bytes).c_str());
   out += cost;
+  const double held = PlanBytes(plan);
+  if (held > bytes)
+  {
+    out += "memory: " + BytesText(held) + " of arrays with what is kept of the frame before\n";
+  }
   return out;
 }
 

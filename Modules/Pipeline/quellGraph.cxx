@@ -244,6 +244,11 @@ void EachText(const PipelineDocument& d, const F& visit)
     visit(o.File);
     visit(o.View);
     visit(o.Display);
+    for (const PipelineProperty& p : o.Properties)
+    {
+      visit(p.Name);
+      visit(p.Value);
+    }
     for (const PipelineLayer& l : o.Layers)
     {
       visit(l.From);
@@ -1759,24 +1764,24 @@ private:
           this->Error(filePlace, who, Quoted(output.File) + " is already written by the output at " +
               added.first->second.ToText());
         }
+        int view = -1;
         if (o.View.Given)
         {
-          const Value view = this->Expand(o.View, top.Parameters, who);
+          const Value name = this->Expand(o.View, top.Parameters, who);
           const Value display = this->Expand(o.Display, top.Parameters, who);
-          const int n = this->AddInternal("DisplayTransform", o.Name.Value + ":view", who, o.Place);
-          if (n >= 0)
+          view = this->AddInternal("DisplayTransform", o.Name.Value + ":view", who, o.Place);
+          if (view >= 0)
           {
-            if (view.Ok)
+            if (name.Ok)
             {
-              this->SetProperty(n, "View", view, o.View.Place, who);
+              this->SetProperty(view, "View", name, o.View.Place, who);
             }
             if (o.Display.Given && display.Ok)
             {
-              this->SetProperty(n, "Display", display, o.Display.Place, who);
+              this->SetProperty(view, "Display", display, o.Display.Place, who);
             }
-            this->ApplyOverrides(n);
-            this->Link(n, 0, layers.front().End, who, layers.front().Place, nullptr);
-            layers.front().End.Node = n;
+            this->Link(view, 0, layers.front().End, who, layers.front().Place, nullptr);
+            layers.front().End.Node = view;
             layers.front().End.Array = "display";
             layers.front().End.Origin.About = who;
           }
@@ -1792,6 +1797,11 @@ private:
             path.Text = assigned->second;
           }
           this->SetProperty(output.Writer, "File", path, filePlace, who);
+          this->SetOutputProperties(o, output.Writer, view, who);
+          if (view >= 0)
+          {
+            this->ApplyOverrides(view);
+          }
           this->ApplyOverrides(output.Writer);
           for (const Layer& l : layers)
           {
@@ -1801,6 +1811,56 @@ private:
       }
       this->OutputEnds.push_back({ int(this->Result->Outputs.size()), layers.front().End });
       this->Result->Outputs.push_back(output);
+    }
+  }
+
+  /// <property> of an output: the writer's, or else its view's.
+  void SetOutputProperties(const PipelineOutput& o, int writer, int view, const Who& who)
+  {
+    Instance& top = this->Instances.front();
+    std::map<std::string, SourceLocation> seen;
+    for (const PipelineProperty& p : o.Properties)
+    {
+      const Value name = this->Expand(p.Name, top.Parameters, who);
+      const Value value = this->Expand(p.Value, top.Parameters, who);
+      if (!name.Ok || !value.Ok || !p.Name.Given || !p.Value.Given)
+      {
+        continue;
+      }
+      std::vector<std::string> names;
+      int owner = -1;
+      for (int n : { writer, view })
+      {
+        if (n < 0)
+        {
+          continue;
+        }
+        for (const Property& known : this->Result->Nodes[std::size_t(n)].Description().Properties)
+        {
+          // What the output's own attributes say is not said twice.
+          if (known.Name == "File" || known.Name == "View" || known.Name == "Display")
+          {
+            continue;
+          }
+          names.push_back(known.Name);
+          owner = owner < 0 && known.Name == name.Text ? n : owner;
+        }
+      }
+      if (owner < 0)
+      {
+        this->Error(p.Name.Place, who, "no property " + Quoted(name.Text), this->NearOr(name.Text, names, "properties: "));
+        continue;
+      }
+      const auto added = seen.emplace(name.Text, p.Place);
+      if (!added.second)
+      {
+        this->Error(p.Name.Place, who, "property " + Quoted(name.Text) + " is already set at " + added.first->second.ToText());
+        continue;
+      }
+      if (!this->Overrides.count({ this->Result->Nodes[std::size_t(owner)].Path, name.Text }))
+      {
+        this->SetProperty(owner, name.Text, value, p.Value.Place, who);
+      }
     }
   }
 

@@ -70,7 +70,8 @@ bool Same(const PipelineTemplate& a, const PipelineTemplate& b)
 bool Same(const PipelineOutput& a, const PipelineOutput& b)
 {
   return SameItem(a, b) && Same(a.Name, b.Name) && Same(a.From, b.From) && Same(a.File, b.File) &&
-    Same(a.View, b.View) && Same(a.Display, b.Display) && Same(a.Doc, b.Doc) && Same(a.Layers, b.Layers);
+    Same(a.View, b.View) && Same(a.Display, b.Display) && Same(a.Doc, b.Doc) && Same(a.Properties, b.Properties) &&
+    Same(a.Layers, b.Layers);
 }
 bool Same(const PipelineTime& a, const PipelineTime& b)
 {

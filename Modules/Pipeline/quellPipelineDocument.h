@@ -87,6 +87,7 @@ struct PipelineLayer : PipelineItem
 struct PipelineOutput : PipelineItem
 {
   PipelineText Name, From, File, View, Display, Doc;
+  std::vector<PipelineProperty> Properties;  ///< of the writer, else of the view's transform
   std::vector<PipelineLayer> Layers;
 };
 

@@ -82,6 +82,8 @@ public:
   /// Changes a parameter; the history stays. False fills `error`.
   bool SetProperty(const std::string& node, const std::string& name, const std::string& text, std::string& error);
   void ClearHistory() { this->History.Clear(); }
+  /// Puts what producers had on a tick in place of running it (Checkpoint). Images must cover the whole frame.
+  void SetHistory(int tick, FrameHistory::Frame frame) { this->History.Commit(tick, std::move(frame)); }
 
   TickResult RunTick(int tick, TickMode mode = TickMode::LastFrame);
 

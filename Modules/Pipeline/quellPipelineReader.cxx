@@ -54,7 +54,7 @@ const std::vector<ElementRule>& Rules()
     { "property", { "name", "value" }, {}, {} },
     { "input", { "port", "from" }, { "delay", "optional" }, {}, true },
     { "port", { "name" }, { "type", "from", "doc" }, {} },
-    { "output", { "name" }, { "from", "file", "view", "display", "doc" }, { "layer" } },
+    { "output", { "name" }, { "from", "file", "view", "display", "doc" }, { "property", "layer" } },
     { "layer", { "from" }, { "name" }, {} },
   };
   return rules;
@@ -325,6 +325,15 @@ private:
     return v;
   }
 
+  PipelineProperty ReadProperty(const XmlElement& e) const
+  {
+    PipelineProperty p;
+    TakeItem(e, p);
+    p.Name = this->Take(e, "name");
+    p.Value = this->Take(e, "value");
+    return p;
+  }
+
   void ReadTime(const XmlElement& e, PipelineDocument& document)
   {
     if (document.Time.Given)
@@ -381,11 +390,7 @@ private:
     {
       if (c.Name == (n.IsInstance ? "parameter" : "property"))
       {
-        PipelineProperty p;
-        TakeItem(c, p);
-        p.Name = this->Take(c, "name");
-        p.Value = this->Take(c, "value");
-        n.Properties.push_back(p);
+        n.Properties.push_back(this->ReadProperty(c));
       }
       else if (c.Name == "input")
       {
@@ -427,6 +432,10 @@ private:
         layer.From = this->Take(c, "from");
         layer.Name = this->Take(c, "name");
         o.Layers.push_back(layer);
+      }
+      else if (c.Name == "property")
+      {
+        o.Properties.push_back(this->ReadProperty(c));
       }
     }
     if (!o.From.Given && o.Layers.empty())

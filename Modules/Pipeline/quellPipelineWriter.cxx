@@ -86,6 +86,17 @@ public:
     this->Close("port", p);
   }
 
+  void Properties(const char* element, const std::vector<PipelineProperty>& properties)
+  {
+    for (const PipelineProperty& p : properties)
+    {
+      this->Open(element, p);
+      this->Attribute("name", p.Name);
+      this->Attribute("value", p.Value);
+      this->Close(element, p);
+    }
+  }
+
   void Node(const PipelineNode& n)
   {
     const char* element = n.IsInstance ? "instance" : "node";
@@ -94,13 +105,7 @@ public:
     this->Attribute("id", n.Id);
     this->Attribute(n.IsInstance ? "template" : "type", n.Type);
     this->Attribute("doc", n.Doc);
-    for (const PipelineProperty& p : n.Properties)
-    {
-      this->Open(property, p);
-      this->Attribute("name", p.Name);
-      this->Attribute("value", p.Value);
-      this->Close(property, p);
-    }
+    this->Properties(property, n.Properties);
     for (const PipelineInput& input : n.Inputs)
     {
       this->Open("input", input);
@@ -192,6 +197,7 @@ std::string WritePipelineText(const PipelineDocument& d)
     w.Attribute("view", o.View);
     w.Attribute("display", o.Display);
     w.Attribute("doc", o.Doc);
+    w.Properties("property", o.Properties);
     for (const PipelineLayer& l : o.Layers)
     {
       w.Open("layer", l);

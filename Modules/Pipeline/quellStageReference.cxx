@@ -393,7 +393,7 @@ std::string PipelineXsd(const StageRegistry& registry)
   s.Line(2, "<xs:anyAttribute namespace=\"##any\" processContents=\"lax\"/>");
   s.End();
   s.Begin("Output", "Names an array and, with file, writes it; #### in the name is the frame's number.",
-    { { "layer", "Layer" } });
+    { { "property", "Property" }, { "layer", "Layer" } });
   s.Attribute("name", true);
   s.Attribute("from", false);
   s.Attribute("file", false);

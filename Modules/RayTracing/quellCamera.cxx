@@ -72,17 +72,29 @@ Camera Camera::Framing(const Vec3d& lower, const Vec3d& upper, const Vec3d& orig
     radius = 1;
   CameraModel model;
   const double aspect = double(std::max(1, width)) / std::max(1, height);
-  const double half = std::atan(std::tan(model.YFov / 2) * std::min(1., aspect));
-  const Vec3d back = Normalized(Vec3d(0.45, 0.35, 1));
-  const Vec3d at = centre + back * (radius / std::sin(half));
+  const Vec3d back = Normalized(Vec3d(0.4, 0.3, 1));
   const Vec3d right = Normalized(Cross(Vec3d(0, 1, 0), back)), up = Cross(back, right);
+  // The nearest place from which all corners are inside the middle 92 % of the frame.
+  const double tanY = 0.92 * std::tan(model.YFov / 2), tanX = tanY * aspect;
+  double distance = 1e-3 * radius;
+  for (int corner = 0; corner < 8; ++corner)
+  {
+    const Vec3d at(corner & 1 ? upper.x : lower.x, corner & 2 ? upper.y : lower.y, corner & 4 ? upper.z : lower.z);
+    const Vec3d c = at - centre;
+    if (!IsFinite(c))
+      distance = radius / std::sin(std::atan(std::min(tanX, tanY)));
+    else
+      distance =
+        std::max(distance, Dot(c, back) + std::max(std::fabs(Dot(c, right)) / tanX, std::fabs(Dot(c, up)) / tanY));
+  }
+  const Vec3d eye = centre + back * distance;
   Mat4 m;
   for (int i = 0; i < 3; ++i)
   {
     m.m[i][0] = right[i];
     m.m[i][1] = up[i];
     m.m[i][2] = back[i];
-    m.m[i][3] = at[i];
+    m.m[i][3] = eye[i];
   }
   return Camera(model, m, origin, width, height);
 }

@@ -19,7 +19,7 @@ public:
   /// angle is replaced by a usable one.
   Camera(const CameraModel& model, const Mat4& worldFromCamera, const Vec3d& origin, int width, int height);
 
-  /// A camera that sees the whole box, from the front, a little from the right and above.
+  /// Sees the whole box, as large as the frame allows, from the front (+z), a little from the right and above.
   static Camera Framing(const Vec3d& lower, const Vec3d& upper, const Vec3d& origin, int width, int height);
 
   /// Index of the camera called `name` (a name, else a number; empty: the first); -1 when the scene has none and

@@ -41,7 +41,7 @@ struct PixelResult
 
 struct TraceCounters
 {
-  std::int64_t Rays = 0, Paths = 0, NonFinite = 0;
+  std::int64_t Rays = 0, Paths = 0, NonFinite = 0, Lit = 0;  ///< Lit: pixels above 0.001
 };
 
 /// Unidirectional path tracing: at every vertex one light sample and one BSDF sample, combined by the power heuristic;

@@ -22,6 +22,8 @@ struct vtkQuellPathTraceSource::Internals
   std::shared_ptr<const quell::Scene> Given;   ///< by SetScene
   std::shared_ptr<const quell::Scene> Loaded;  ///< from files, or Given with another environment
   std::string LoadedFrom;                      ///< files and their times
+  bool Studio = false;                         ///< the sky is ours, because the scene has no light
+  bool WarnedOfDarkness = false;
   int Generation = 0;                          ///< counts scenes
   std::unique_ptr<quell::EmbreeScene> Built;
   int BuiltGeneration = -1;
@@ -79,6 +81,9 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
   QUELL_PATH(d, Scene, "glTF 2.0 (.gltf, .glb) or OBJ file");
   QUELL_STRING(d, Camera, "name or number of a camera; empty: the first, or one that frames the whole scene");
   QUELL_PATH(d, Environment, "latitude-longitude image that replaces the scene's environment");
+  QUELL_ENUM(d, DefaultSky,
+    "whether a studio sky lights a scene without environment: where it has no light at all, always, never", "WhenDark",
+    "Always", "Never");
   QUELL_INT(d, Width, "pixels", "frame width; 0: the scene's resolution, else 256");
   QUELL_INT(d, Height, "pixels", "frame height; 0: the scene's resolution, else 256");
   QUELL_INT(d, SamplesPerPixel, "samples", "camera paths per pixel and frame");
@@ -133,15 +138,41 @@ void vtkQuellPathTraceSource::SetEnvironment(const std::string& file)
   }
 }
 
+void vtkQuellPathTraceSource::SetDefaultSky(int mode)
+{
+  mode = std::min(2, std::max(0, mode));
+  if (this->DefaultSky != mode)
+  {
+    this->DefaultSky = mode;
+    this->Internal->Loaded = nullptr;
+    this->Modified();
+  }
+}
+
 namespace
 {
 /// A file and when it was written; a missing file has no time and fails when it is read.
+const char* const NoScene = "no scene: set Scene to a glTF or OBJ file";
+
 std::string FileStamp(const std::string& file)
 {
   std::error_code error;
   const auto time = std::filesystem::last_write_time(file, error);
   return file + '\n' + (error ? std::string() : std::to_string(time.time_since_epoch().count())) + '\n';
 }
+}
+
+void vtkQuellPathTraceSource::CheckSettings()
+{
+  if (this->Internal->Given)
+    return;
+  if (this->Scene.empty())
+    throw quell::StageError(NoScene);
+  std::error_code error;
+  for (const std::string* file : { &this->Scene, &this->Environment })
+    if (!file->empty() && !std::filesystem::is_regular_file(*file, error))
+      throw quell::StageError("\"" + *file + "\" is not a file; it must be " +
+        (file == &this->Scene ? "a glTF (.gltf, .glb) or OBJ scene" : "a latitude-longitude image"));
 }
 
 const quell::Scene& vtkQuellPathTraceSource::LoadedScene()
@@ -153,7 +184,7 @@ const quell::Scene& vtkQuellPathTraceSource::LoadedScene()
   if (in.Loaded && stamp == in.LoadedFrom)
     return *in.Loaded;
   if (!in.Given && this->Scene.empty())
-    throw quell::StageError("no scene: set Scene to a glTF or OBJ file");
+    throw quell::StageError(NoScene);
   in.Loaded = nullptr;
   try
   {
@@ -162,6 +193,14 @@ const quell::Scene& vtkQuellPathTraceSource::LoadedScene()
     {
       auto lit = std::make_shared<quell::Scene>(*scene);
       quell::LoadEnvironment(*lit, this->Environment);
+      scene = lit;
+    }
+    in.WarnedOfDarkness = false;
+    in.Studio = this->DefaultSky == WhenDark && !scene->HasLight();
+    if (in.Studio || (this->DefaultSky == Always && !scene->Sky.Present))
+    {
+      auto lit = std::make_shared<quell::Scene>(*scene);
+      quell::AddStudioSky(*lit);
       scene = lit;
     }
     in.Loaded = scene;
@@ -227,9 +266,6 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   if (built.DroppedTriangles > 0)
     this->Warnings.push_back(std::to_string(built.DroppedTriangles) +
       " triangles left out (no area, or corners that are not finite)");
-
-  if (built.Lights().Empty() && !built.Lights().HasSky())
-    this->Warnings.push_back("the scene has no light: set Environment, or give a material an emission");
 
   quell::Integrator integrator;
   integrator.Scene = &built;
@@ -322,10 +358,18 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     wants.Primary = depth || position || normalGeometric || motion || id || material || alpha;
     wants.HitDistance = bool(hitDistance);
     const bool traces = wants.Emission || wants.Direct || wants.Indirect || wants.Guides || wants.Primary || hitDistance;
+    if (wants.Direct || wants.Indirect)
+    {
+      if (in.Studio)
+        this->Warnings.push_back(
+          "the scene has no light: a studio sky lights it; set Environment, or DefaultSky to Never");
+      else if (!scene.HasLight())
+        this->Warnings.push_back("the scene has no light: set Environment, or give a material an emission");
+    }
     if ((halfA || halfB) && this->SamplesPerPixel == 1)
       this->Warnings.push_back("one sample per pixel makes no two halves: halfA and halfB are the same");
 
-    std::atomic<std::int64_t> rays{ 0 }, paths{ 0 }, nonFinite{ 0 };
+    std::atomic<std::int64_t> rays{ 0 }, paths{ 0 }, nonFinite{ 0 }, lit{ 0 };
     const auto put = [](const quell::ImageOut& image, int x, int y, const quell::Vec3d& v, double scale) {
       if (!image)
         return;
@@ -354,7 +398,9 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
             quell::PixelResult r;
             integrator.Pixel(x, y, r, counters);
             const double n = 1. / r.Samples, hits = r.Hits > 0 ? 1. / r.Hits : 0;
-            put(radiance, x, y, r.Emission + r.Direct + r.Indirect, n);
+            const quell::Vec3d sum = r.Emission + r.Direct + r.Indirect;
+            counters.Lit += quell::MaxComponent(sum) * n > 1e-3;
+            put(radiance, x, y, sum, n);
             put(emission, x, y, r.Emission, n);
             put(direct, x, y, r.Direct, n);
             put(indirect, x, y, r.Indirect, n);
@@ -386,12 +432,20 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
         rays += counters.Rays;
         paths += counters.Paths;
         nonFinite += counters.NonFinite;
+        lit += counters.Lit;
       });
     this->Counters.Rays += rays;
     this->Counters.Paths += paths;
     this->Counters.NonFinite += nonFinite;
     if (nonFinite > 0)
       this->Warnings.push_back(std::to_string(nonFinite) + " samples were not finite and were dropped");
+    if (wants.Emission && wants.Direct && wants.Indirect && integrator.MaximumBounces > 0 && region == whole && 100 * lit < region.area() &&
+      !this->IsCancelled() && scene.HasLight() && !in.WarnedOfDarkness)
+    {
+      in.WarnedOfDarkness = true;
+      this->Warnings.push_back("almost every pixel is black (below 0.001): little light reaches what the camera sees; set "
+                               "Environment, DefaultSky to Always, or another Camera");
+    }
   }
 
   for (const quell::OutputArray& output : this->GetDescription().Outputs)
@@ -438,7 +492,9 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
     out(emissive, "no emissive material: no area lights");
     out(!scene.Lights.empty(), "no punctual lights");
     out(scene.Animated(), "nothing moves: geometry is built once, motion is zero");
-    if (!scene.Sky.Present && !emissive && scene.Lights.empty())
+    if (this->Internal->Studio)
+      lines.push_back("no light in the scene: a studio sky lights it");
+    if (!scene.HasLight())
       lines.push_back("no light at all: the image is black");
     const int bounces = this->Bounces();
     lines.push_back("paths end after " + std::to_string(bounces) + " scatterings" +

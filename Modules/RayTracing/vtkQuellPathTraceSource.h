@@ -54,6 +54,12 @@ public:
     PerFrame,
     None
   };
+  enum SkyMode
+  {
+    WhenDark,
+    Always,
+    Never
+  };
 
   ///@{
   /// glTF or OBJ file. A scene in memory, given to the second form, wins over a file.
@@ -70,6 +76,12 @@ public:
   /// Latitude-longitude image, instead of the scene's environment.
   void SetEnvironment(const std::string& file);
   const std::string& GetEnvironment() const { return this->Environment; }
+  ///@}
+  ///@{
+  /// Whether a studio sky (quell::AddStudioSky) lights a scene without environment. WhenDark (default): where the scene has
+  /// no light at all; a warning says so.
+  void SetDefaultSky(int mode);
+  int GetDefaultSky() const { return this->DefaultSky; }
   ///@}
   ///@{
   /// Frame size; 0: the scene's extras.resolution, else 256. [0, 32768]
@@ -116,6 +128,7 @@ public:
   vtkGetMacro(PixelJitter, int);
   ///@}
 
+  void CheckSettings() override;
   std::vector<std::string> Explain() override;
 
 protected:
@@ -132,7 +145,7 @@ private:
 
   std::string Scene, Camera, Environment;
   int Width = 0, Height = 0, SamplesPerPixel = 1, FirstSample = 0, MaximumBounces = -1, RussianRouletteStart = 3;
-  int Seed = 0, PixelJitter = PerSample;
+  int Seed = 0, PixelJitter = PerSample, DefaultSky = WhenDark;
   double SampleClamp = 0;
   std::unique_ptr<Internals> Internal;
 };

@@ -76,4 +76,58 @@ void LoadEnvironment(Scene& scene, const std::string& file, float scale)
   scene.Sky.Texture = int(scene.Textures.size());
   scene.Textures.push_back(std::move(image));
 }
+
+bool Scene::HasLight() const
+{
+  if (this->Sky.Present)
+    return true;
+  for (const PunctualLight& light : this->Lights)
+    if (MaxComponent(light.Intensity) > 0)
+      return true;
+  bool unlit = true;
+  for (const Instance& instance : this->Instances)
+  {
+    const Material& m = this->Materials[this->Meshes[instance.Mesh].Material];
+    if (!m.Unlit && MaxComponent(m.Emission) > 0)
+      return true;
+    unlit &= m.Unlit;
+  }
+  return unlit;
+}
+
+void AddStudioSky(Scene& scene)
+{
+  constexpr double pi = 3.14159265358979323846;
+  Texture image;
+  image.Name = "studio";
+  image.Width = 128;
+  image.Height = 64;
+  image.WrapT = Wrap::Clamp;
+  std::vector<double> values(std::size_t(image.Width) * image.Height);
+  const Vec3d key = Normalized(Vec3d(0.6, 0.8, 0.7));
+  double irradiance = 0;  // on a plane that faces up
+  for (int y = 0; y < image.Height; ++y)
+  {
+    const double theta = pi * (y + 0.5) / image.Height, up = std::cos(theta);
+    const double area = std::sin(theta) * (pi / image.Height) * (2 * pi / image.Width);
+    for (int x = 0; x < image.Width; ++x)
+    {
+      const double phi = 2 * pi * ((x + 0.5) / image.Width - 0.5);
+      const Vec3d d(std::sin(theta) * std::sin(phi), up, -std::sin(theta) * std::cos(phi));
+      const double value = 0.4 + 0.3 * up + 6 * std::exp(14 * (Dot(d, key) - 1));
+      values[std::size_t(y) * image.Width + x] = value;
+      irradiance += value * std::max(0., up) * area;
+    }
+  }
+  image.Floats.reserve(4 * values.size());
+  for (const double value : values)
+  {
+    const float v = float(value * pi / irradiance);
+    image.Floats.insert(image.Floats.end(), { v, v, v, 1.f });
+  }
+  scene.Sky.Present = true;
+  scene.Sky.Color = Vec3f(1);
+  scene.Sky.Texture = int(scene.Textures.size());
+  scene.Textures.push_back(std::move(image));
+}
 }

@@ -191,6 +191,8 @@ struct VTKQUELLSCENE_EXPORT Scene
   /// World matrix of every node at `time` seconds (animation clamps at its ends; node transforms in double).
   std::vector<Mat4> WorldMatrices(double time) const;
   bool Animated() const { return !Animation.empty(); }
+  /// False where something is to be lit and nothing gives light: no sky, no lamp, no emission, and not all is unlit.
+  bool HasLight() const;
   double Duration() const;  ///< seconds; 0 where nothing is animated
 };
 
@@ -218,6 +220,10 @@ VTKQUELLSCENE_EXPORT std::shared_ptr<const Scene> LoadScene(const std::string& f
 
 /// Reads a latitude-longitude image (any format OpenImageIO reads) into `scene` as its environment, scaled by `scale`.
 VTKQUELLSCENE_EXPORT void LoadEnvironment(Scene& scene, const std::string& file, float scale = 1);
+
+/// Gives `scene` a studio as its environment: grey, brighter towards the zenith, with a soft key light in front, above and
+/// to the right. A white horizontal plane below it has radiance 1.
+VTKQUELLSCENE_EXPORT void AddStudioSky(Scene& scene);
 }
 
 #endif

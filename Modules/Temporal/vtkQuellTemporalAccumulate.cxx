@@ -4,6 +4,7 @@
 #include "quellAccumulate.h"
 #include "vtkObjectFactory.h"
 
+#include <algorithm>
 #include <atomic>
 
 vtkStandardNewMacro(vtkQuellTemporalAccumulate);
@@ -39,6 +40,13 @@ void vtkQuellTemporalAccumulate::Describe(quell::StageDescription& d)
   QUELL_DOUBLE(d, Alpha, "", "smallest weight of the new frame in the colour");
   QUELL_DOUBLE(d, MomentsAlpha, "", "smallest weight of the new frame in the moments");
   QUELL_INT(d, MaximumHistory, "frames", "largest history length; 1 means no history");
+}
+
+double vtkQuellTemporalAccumulate::HistoryWeight(int port) const
+{
+  const double least = 1. / this->MaximumHistory;
+  const double color = 1 - std::max(this->Alpha, least), moments = 1 - std::max(this->MomentsAlpha, least);
+  return port == 0 ? 1 : port == 1 ? color : port == 2 ? moments : std::max(color, moments);
 }
 
 void vtkQuellTemporalAccumulate::Execute(quell::StageFrame& frame)

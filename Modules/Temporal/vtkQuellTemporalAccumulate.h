@@ -36,6 +36,10 @@ public:
   vtkGetMacro(MaximumHistory, int);
   ///@}
 
+  /// 1 - the smallest weight of a new frame, max(Alpha, 1 / MaximumHistory) for colour and alike for moments. The start, where
+  /// the new frame weighs 1 / h, forgets no slower: after k frames the two averages differ in a weight of (1 - a)^k.
+  double HistoryWeight(int port) const override;
+
 protected:
   vtkQuellTemporalAccumulate();
   ~vtkQuellTemporalAccumulate() override = default;

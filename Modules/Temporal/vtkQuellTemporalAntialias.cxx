@@ -56,6 +56,11 @@ bool vtkQuellTemporalAntialias::NeedsInput(int port, const quell::ArraySet&) con
   return port != Depth || const_cast<vtkQuellTemporalAntialias*>(this)->GetNumberOfInputConnections(Motion) != 0;
 }
 
+double vtkQuellTemporalAntialias::HistoryWeight(int port) const
+{
+  return port == History ? 1 - this->Alpha : 1;
+}
+
 std::vector<std::string> vtkQuellTemporalAntialias::Explain()
 {
   std::vector<std::string> lines{ "history is read at x + motion: its own previous output is made for the whole frame" };

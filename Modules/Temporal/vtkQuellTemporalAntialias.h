@@ -33,6 +33,8 @@ public:
   ///@}
 
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
+  /// 1 - Alpha for the history, in the stage's own c / (1 + max c).
+  double HistoryWeight(int port) const override;
   std::vector<std::string> Explain() override;
 
 protected:

@@ -26,3 +26,7 @@ quell_add_bad_call(compare-metric 2 "unknown metric \"relMES\"; did you mean \"r
 quell_add_bad_call(compare-max 2 "--max SSIM=0.9: a higher SSIM is better" compare a.exr b.exr --max SSIM=0.9)
 quell_add_bad_call(compare-missing 1 "a.exr" compare a.exr b.exr)
 quell_add_bad_call(inspect-missing 1 "a.exr" inspect a.exr)
+quell_add_bad_call(image-without-pipeline 2 "no-pipeline.exr: no pipeline is in this image" run FILES@no-pipeline.exr)
+quell_add_bad_call(check-image-without-pipeline 2 "no-pipeline.exr: no pipeline is in this image" check FILES@no-pipeline.exr)
+quell_add_bad_call(memory-zero 2 "--memory: \"0\" is not a positive number" run ${good} --memory 0)
+quell_add_bad_call(tolerance 2 "--warmup-tolerance" explain ${good} --warmup-tolerance 2)

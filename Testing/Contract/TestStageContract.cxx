@@ -36,6 +36,7 @@ enum class Content
   NotANumber,   ///< one NaN pixel in every colour
   Infinite,     ///< one +inf pixel in every colour
   Huge,         ///< 1e30 everywhere
+  Peak,         ///< 2 x 2 pixels of 3e38 among small ones
   Denormal      ///< 1e-42 everywhere
 };
 
@@ -97,6 +98,8 @@ private:
           return 1e30f;
         if (this->What == Content::Denormal)
           return 1e-42f;
+        if (this->What == Content::Peak && x / 2 == this->Width / 6 && y / 2 == this->Height / 6)
+          return 3e38f;
         if (x == this->Width / 3 && y == this->Height / 3)
         {
           if (this->What == Content::NotANumber)
@@ -345,7 +348,7 @@ TEST_P(StageContract, ExtremesStayFiniteAndDoNotSpread)
 {
   if (!this->IsFilter())
     GTEST_SKIP() << "not a filter";
-  for (Content what : { Content::Plain, Content::Zero, Content::NotANumber, Content::Infinite, Content::Huge, Content::Denormal })
+  for (Content what : { Content::Plain, Content::Zero, Content::NotANumber, Content::Infinite, Content::Huge, Content::Peak, Content::Denormal })
   {
     SCOPED_TRACE(int(what));
     Bench bench(this->GetParam(), 33, 29, what);

@@ -93,12 +93,12 @@ const quell::GraphOptions::Assignments small{ { "width", "48" }, { "height", "40
 
 TEST(ShippedPipelines, TemporalRegionEqualsCropBitForBit)
 {
-  Pipeline whole("svgf.xml", "sum", { "radiance" }, small);
+  Pipeline whole("svgf.xml", "taa", { "radiance" }, small);
   for (int t = 0; t < 4; ++t)
     whole.Tick(t);
   for (const quell::DisplayRegion& region : { quell::DisplayRegion{ 0, 0, 1, 1 }, { 10, 8, 31, 22 }, { 40, 33, 48, 40 } })
   {
-    Pipeline part("svgf.xml", "sum", { "radiance" }, small);
+    Pipeline part("svgf.xml", "taa", { "radiance" }, small);
     part.executor->SetRegion(region);
     for (int t = 0; t < 4; ++t)
       part.Tick(t);
@@ -109,7 +109,7 @@ TEST(ShippedPipelines, TemporalRegionEqualsCropBitForBit)
 
 TEST(ShippedPipelines, ThreadsDoNotChangeBits)
 {
-  Pipeline two("svgf.xml", "sum", { "radiance" }, small), one("svgf.xml", "sum", { "radiance" }, small);
+  Pipeline two("svgf.xml", "taa", { "radiance" }, small), one("svgf.xml", "sum", { "radiance" }, small);
   for (int t = 0; t < 3; ++t)
     two.Tick(t);
   vtkSMPTools::LocalScope(vtkSMPTools::Config{ 1 }, [&] {
@@ -121,7 +121,7 @@ TEST(ShippedPipelines, ThreadsDoNotChangeBits)
 
 TEST(ShippedPipelines, SecondIdenticalRequestExecutesNothing)
 {
-  Pipeline run("svgf.xml", "sum", { "radiance" }, small);
+  Pipeline run("svgf.xml", "taa", { "radiance" }, small);
   run.Tick(0);
   run.Tick(1);
   std::map<std::string, std::int64_t> before;
@@ -137,7 +137,7 @@ TEST(ShippedPipelines, SecondIdenticalRequestExecutesNothing)
 
 TEST(ShippedPipelines, SliderMoveKeepsThePastAndTracesNothing)
 {
-  Pipeline run("svgf.xml", "sum", { "radiance" }, small);
+  Pipeline run("svgf.xml", "taa", { "radiance" }, small);
   for (int t = 0; t < 3; ++t)
     run.Tick(t);
   const std::vector<float> pixels = run.Read("radiance", { 0, 0, 48, 40 });

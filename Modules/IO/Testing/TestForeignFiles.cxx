@@ -44,6 +44,20 @@ TEST(ForeignFiles, BlenderPassesAddUpToTheCombined)
   EXPECT_EQ(View(image, "denoisingNormal").components, 3);
 }
 
+TEST(ForeignFiles, BlenderColoursAreAlbedos)
+{
+  const std::string path = Shared("denoise-cycles-room/noisy.0004.exr");
+  NEED(path);
+  int found = 0;
+  for (const FileArray& array : ReadImageHeader(path).Arrays)
+    if (array.Name == "diffuseColor" || array.Name == "glossyColor")
+    {
+      EXPECT_EQ(array.Kind, ArrayKind::Albedo) << array.Name;
+      ++found;
+    }
+  EXPECT_EQ(found, 2);
+}
+
 TEST(ForeignFiles, BlenderMotionPointsToThePreviousFrame)
 {
   const std::string now = Shared("denoise-cycles-room/noisy.0004.exr"), before = Shared("denoise-cycles-room/noisy.0003.exr");

@@ -61,6 +61,36 @@ TEST(ImageStages, ReadsOnlyWhatIsAskedFrameByFrame)
   }
 }
 
+TEST(ImageStages, AnyFrameOfASequenceTellsItsArrays)
+{
+  TemporaryDirectory dir;
+  MakeSequence(dir, 12);
+  for (int t : { 0, 1, 2, 10 })
+    std::filesystem::remove(SequencePath(dir / "in.####.exr", t));
+  EXPECT_EQ(SequenceSample(dir / "in.####.exr", 0), dir / "in.0003.exr");
+  EXPECT_EQ(SequenceSample(dir / "in.####.exr", 5), dir / "in.0005.exr");
+  EXPECT_EQ(SequenceSample(dir / "in.##.exr", 0), dir / "in.00.exr") << "no such files";
+  EXPECT_EQ(SequenceSample(dir / "in.exr", 0), dir / "in.exr");
+  vtkNew<vtkQuellImageReader> reader;
+  reader->SetFile(dir / "in.####.exr");
+  EXPECT_EQ(reader->ListDynamicOutputs().size(), 3u) << "before a timeline is known";
+}
+
+TEST(ImageStages, PlainArrayRenamesOurOwnFilesToo)
+{
+  TemporaryDirectory dir;
+  auto image = NewImage({ 0, 0, 4, 4 });
+  AddArray(image, "radiance", 3, [](int, int, int) { return 0.5f; });
+  WriteImageFile(dir / "plain.exr", image);
+  vtkNew<vtkQuellImageReader> reader;
+  reader->SetFile(dir / "plain.exr");
+  reader->SetPlainArray("albedo");
+  const auto list = reader->ListDynamicOutputs();
+  ASSERT_EQ(list.size(), 1u);
+  EXPECT_EQ(list[0].Name, "albedo");
+  EXPECT_EQ(list[0].Kind, ArrayKind::Albedo);
+}
+
 TEST(ImageStages, ErrorsNameTheFileAndLeaveNothing)
 {
   vtkObject::GlobalWarningDisplayOff();

@@ -171,6 +171,34 @@ protected:
   }
 };
 
+/// history + Alpha (radiance - history), in place.
+class vtkQuellTestMix : public vtkQuellStage
+{
+public:
+  QUELL_STAGE(vtkQuellTestMix);
+  vtkSetClampMacro(Alpha, double, 0., 1.);
+  vtkGetMacro(Alpha, double);
+  double HistoryWeight(int port) const override { return port == 1 ? 1 - this->Alpha : 1; }
+
+protected:
+  vtkQuellTestMix() { this->InitializePorts(); }
+  void ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const override
+  {
+    const quell::ImageIn in = frame.Input(0), history = frame.Input(1);
+    const quell::ImageOut out = frame.Output("radiance");
+    for (int y = tile.y0; y < tile.y1; ++y)
+      for (int x = tile.x0; x < tile.x1; ++x)
+        for (int c = 0; c < 3; ++c)
+        {
+          const double old = history ? history.at(x, y)[c] : in.at(x, y)[c];
+          out.at(x, y)[c] = float(old + this->Alpha * (in.at(x, y)[c] - old));
+        }
+  }
+
+private:
+  double Alpha = 0.5;
+};
+
 class vtkQuellTestSum : public vtkQuellStage
 {
 public:
@@ -298,6 +326,7 @@ private:
 inline vtkStandardNewMacro(vtkQuellTestSource);
 inline vtkStandardNewMacro(vtkQuellTestBox);
 inline vtkStandardNewMacro(vtkQuellTestAccumulate);
+inline vtkStandardNewMacro(vtkQuellTestMix);
 inline vtkStandardNewMacro(vtkQuellTestSum);
 inline vtkStandardNewMacro(vtkQuellTestReader);
 inline vtkStandardNewMacro(vtkQuellImageWriter);
@@ -305,6 +334,7 @@ inline vtkStandardNewMacro(vtkQuellDisplayTransform);
 inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSource)
 inline QUELL_STAGE_DESCRIPTION(vtkQuellTestBox)
 inline QUELL_STAGE_DESCRIPTION(vtkQuellTestAccumulate)
+inline QUELL_STAGE_DESCRIPTION(vtkQuellTestMix)
 inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSum)
 inline QUELL_STAGE_DESCRIPTION(vtkQuellTestReader)
 inline QUELL_STAGE_DESCRIPTION(vtkQuellImageWriter)
@@ -350,6 +380,17 @@ inline void vtkQuellTestAccumulate::Describe(quell::StageDescription& d)
   d.Output("radiance", ArrayKind::Color, "sum");
   d.Output("history", ArrayKind::History, "whether there was a past");
 }
+inline void vtkQuellTestMix::Describe(quell::StageDescription& d)
+{
+  using Self = vtkQuellTestMix;
+  using quell::ArrayKind;
+  d.Category = "Test";
+  d.Brief = "Mixes with its past.";
+  d.Input("radiance", ArrayKind::Color, "radiance", "image");
+  d.DelayedInput("history", ArrayKind::Color, "radiance", "the past");
+  d.Output("radiance", ArrayKind::Color, "mix");
+  QUELL_DOUBLE(d, Alpha, "", "Weight of the image.");
+}
 inline void vtkQuellTestSum::Describe(quell::StageDescription& d)
 {
   using quell::ArrayKind;
@@ -392,6 +433,7 @@ inline const quell::StageRegistry& Registry()
     r.Add<vtkQuellTestSource>();
     r.Add<vtkQuellTestBox>();
     r.Add<vtkQuellTestAccumulate>();
+    r.Add<vtkQuellTestMix>();
     r.Add<vtkQuellTestSum>();
     r.Add<vtkQuellTestReader>();
     r.Add<vtkQuellImageWriter>();

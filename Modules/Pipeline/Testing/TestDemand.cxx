@@ -363,7 +363,7 @@ TEST_F(History, WarmUpMakesOnlyThePast)
   const auto expected = TheLog().Files.back().Layers;
   TheLog().Files.clear();
   PipelineExecutor executor(Load(Temporal), pipelinetest::Registry());
-  EXPECT_EQ(WarmUpFrames(executor, 2), 2);
+  EXPECT_EQ(PlanHistory(executor, 2).Frames, 2);
   ASSERT_TRUE(executor.RunTick(0, TickMode::WarmUp).Ok);
   ASSERT_TRUE(executor.RunTick(1, TickMode::WarmUp).Ok);
   EXPECT_TRUE(TheLog().Files.empty());
@@ -412,7 +412,8 @@ TEST_F(Explain, ThePlanIsWhatRuns)
     "  beauty:write (ImageWriter) region 4,4,12,9\n"
     "    set: File=b.####.exr\n"
     "    layer <- blur:radiance\n"
-    "cost of a frame: 4 stages, 2920 stage pixels, 34.6 kB of arrays\n");
+    "cost of a frame: 4 stages, 2920 stage pixels, 34.6 kB of arrays\n"
+    "memory: 46.1 kB of arrays with what is kept of the frame before\n");
   EXPECT_NE(PlanDot(plan).find("\"blur\" -> \"acc\" [label=\"radiance\", style=dashed, constraint=false];"), std::string::npos);
 }
 

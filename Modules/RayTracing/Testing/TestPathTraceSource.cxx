@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "SceneBuilder.h"
+#include "quellCamera.h"
 #include "quellFrameFacts.h"
 #include "quellRegisterRayTracing.h"
 #include "quellStageRegistry.h"
@@ -16,6 +17,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -359,10 +361,12 @@ TEST(PathTraceSource, ExtremesStayFinite)
   room = Room();
   room->Sky = Environment();
   room->Materials[1].Emission = Vec3f();
+  s->SetDefaultSky(vtkQuellPathTraceSource::Never);
   check(room, 16, 16, "no light");
   for (float v : Copy(s, "radiance"))
     ASSERT_EQ(v, 0.f);
   EXPECT_FALSE(s->GetWarnings().empty());
+  s->SetDefaultSky(vtkQuellPathTraceSource::WhenDark);
   room = Room();
   room->Materials[1].Emission = Vec3f(1e30f);
   check(room, 16, 16, "1e30");
@@ -381,6 +385,82 @@ TEST(PathTraceSource, ExtremesStayFinite)
     room->Materials[2].Roughness = roughness;
     check(room, 16, 16, "roughness");
   }
+}
+
+TEST(PathTraceSource, StudioSkyLightsWhatHasNoLight)
+{
+  const auto mean = [](const std::vector<float>& values) {
+    double sum = 0;
+    for (float v : values)
+      sum += v;
+    return sum / double(values.size());
+  };
+  const auto warned = [](vtkQuellPathTraceSource* s, const char* text) {
+    for (const std::string& warning : s->GetWarnings())
+      if (warning.find(text) != std::string::npos)
+        return true;
+    return false;
+  };
+  auto dark = Room();
+  dark->Sky = Environment();
+  dark->Materials[1].Emission = Vec3f();
+  {
+    vtkNew<vtkQuellPathTraceSource> s;
+    Configure(s, dark, 16, 16, 4);
+    s->Update();
+    EXPECT_GT(mean(Copy(s, "radiance")), .1);
+    EXPECT_TRUE(warned(s, "studio sky"));
+    s->SetDefaultSky(vtkQuellPathTraceSource::Never);
+    s->Update();
+    EXPECT_EQ(mean(Copy(s, "radiance")), 0.);
+    EXPECT_TRUE(warned(s, "no light"));
+  }
+  {
+    vtkNew<vtkQuellPathTraceSource> s;
+    Configure(s, dark, 16, 16, 1);
+    Ask(s, { "depth" });
+    EXPECT_FALSE(warned(s, "studio sky")) << "no light was asked for";
+  }
+  {
+    // A lamp that lights nothing the camera sees, far away: black, and a warning says so.
+    auto feeble = Room();
+    feeble->Sky = Environment();
+    feeble->Materials[1].Emission = Vec3f(1e-6f);
+    vtkNew<vtkQuellPathTraceSource> s;
+    Configure(s, feeble, 16, 16, 4);
+    s->Update();
+    EXPECT_TRUE(warned(s, "almost every pixel is black"));
+    s->SetDefaultSky(vtkQuellPathTraceSource::Always);
+    s->Update();
+    EXPECT_GT(mean(Copy(s, "radiance")), .1);
+  }
+  {
+    auto unlit = Room();
+    unlit->Sky = Environment();
+    for (Material& m : unlit->Materials)
+      m.Unlit = true;
+    EXPECT_TRUE(unlit->HasLight()) << "nothing needs light";
+  }
+}
+
+TEST(PathTraceSource, FramingFillsTheFrameWithTheBox)
+{
+  for (const Vec3d& size : { Vec3d(1, 1, 1), Vec3d(8, 1, .1), Vec3d(.1, 5, 3), Vec3d(2, 0, 2) })
+    for (int width : { 64, 32, 128 })
+    {
+      const Vec3d low(3, -2, 7);
+      const Camera camera = Camera::Framing(low, low + size, Vec3d(), width, 64);
+      double reach = 0;
+      for (int corner = 0; corner < 8; ++corner)
+      {
+        const Vec3d p = low + Vec3d(corner & 1 ? size.x : 0, corner & 2 ? size.y : 0, corner & 4 ? size.z : 0);
+        Vec2<double> pixel;
+        ASSERT_TRUE(camera.Project(p, 1, pixel));
+        reach = std::max({ reach, std::fabs(2 * pixel.x / width - 1), std::fabs(2 * pixel.y / 64 - 1) });
+      }
+      EXPECT_NEAR(reach, .92, 1e-6) << size.x << ' ' << width;
+      EXPECT_GT(camera.Position.z, low.z + size.z) << "in front";
+    }
 }
 
 TEST(PathTraceSource, FarFromTheOriginIsTheSameImage)
