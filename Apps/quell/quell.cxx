@@ -13,6 +13,7 @@
 #include <tbb/global_control.h>
 
 #include <cstdio>
+#include <iostream>
 #include <exception>
 #include <memory>
 
@@ -54,7 +55,7 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
     ->type_name("NODE.PROPERTY=VALUE")
     ->allow_extra_args(false);
   app->add_option("--seed", a.Seed, "Set the property Seed of every node that has one")->type_name("N");
-  app->add_option("--frames", a.Frames, "Frames A up to but not B; N alone is one frame")->type_name("A:B");
+  app->add_option("--frames", a.Frames, "Frames A to B; N alone is one frame")->type_name("A:B");
   app->add_option("--warmup-tolerance", a.WarmUpTolerance,
        "Weight that frames before those computed may have had in the first one asked, default 0.001; 0 computes all frames")
     ->type_name("T")
@@ -79,7 +80,9 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
 }
 }
 
-int main(int argc, char** argv)
+namespace
+{
+int Run(int argc, char** argv)
 {
   CLI::App app("Quell: node-graph image pipelines that turn noisy path-traced frames into clean ones.", "quell");
   app.set_version_flag("--version", "quell " QUELL_VERSION);
@@ -138,6 +141,23 @@ int main(int argc, char** argv)
   }
   catch (const CLI::ParseError& e)
   {
+    if (argc > 1 && argv[1][0] != '-' && app.get_subcommands().empty())
+    {
+      std::vector<std::string> names;
+      for (const CLI::App* command : app.get_subcommands([](CLI::App*) { return true; }))
+      {
+        names.push_back(command->get_name());
+      }
+      const std::string near = quell::NearestName(argv[1], names);
+      std::string all;
+      for (const std::string& name : names)
+      {
+        all += (all.empty() ? "" : ", ") + name;
+      }
+      std::fprintf(stderr, "quell: error: no command %s; %s\n", quell::Quoted(argv[1]).c_str(),
+        near.empty() ? ("commands: " + all).c_str() : ("did you mean " + near + "?").c_str());
+      return quell::ExitUsage;
+    }
     return app.exit(e) == 0 ? quell::ExitDone : quell::ExitUsage;
   }
 
@@ -182,4 +202,18 @@ int main(int argc, char** argv)
     std::fprintf(stderr, "quell: error: %s\n", e.what());
     return quell::ExitFailed;
   }
+}
+}
+
+int main(int argc, char** argv)
+{
+  const int status = Run(argc, argv);
+  // What was printed may be the result: a full disk behind it is a failure.
+  std::cout.flush();
+  if ((std::fflush(stdout) != 0 || std::ferror(stdout) || !std::cout) && status == quell::ExitDone)
+  {
+    std::fprintf(stderr, "quell: error: cannot write to standard output\n");
+    return quell::ExitFailed;
+  }
+  return status;
 }

@@ -34,15 +34,17 @@ int ParseFrame(const std::string& text, const std::string& option)
   std::string error;
   if (!detail::ParseInt(text, -100000000, 200000000, n, error))
   {
-    throw UsageError("--frames " + option + ": " + error + "; write A:B for frames A up to but not B");
+    throw UsageError("--frames " + option + ": " + error + "; write A:B for frames A to B");
   }
   return int(n);
 }
 
+/// A:B are frames A to B, both of them; `end` is one behind the last.
 void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end)
 {
+  const int last = ticks.First + ticks.Count - 1;
   first = ticks.First;
-  end = ticks.First + ticks.Count;
+  end = last + 1;
   if (text.empty())
   {
     return;
@@ -61,17 +63,22 @@ void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int
     }
     if (colon + 1 < text.size())
     {
-      end = ParseFrame(text.substr(colon + 1), text);
+      end = ParseFrame(text.substr(colon + 1), text) + 1;
     }
   }
+  const std::string range = std::to_string(ticks.First) + ":" + std::to_string(last);
   if (first >= end)
   {
-    throw UsageError("--frames " + text + ": no frame; A:B means frames A up to but not B");
+    throw UsageError("--frames " + text + ": no frame; A:B means frames A to B, the pipeline has " + range);
   }
-  if (first < ticks.First || end > ticks.First + ticks.Count)
+  if (first < ticks.First || first > last)
   {
-    throw UsageError("--frames " + text + ": the pipeline has frames " + std::to_string(ticks.First) + ":" +
-      std::to_string(ticks.First + ticks.Count));
+    throw UsageError("--frames " + text + ": the pipeline has frames " + range);
+  }
+  if (end > last + 1)
+  {
+    std::fprintf(stderr, "quell: --frames %s: the pipeline has frames %s; ending with frame %d\n", text.c_str(), range.c_str(), last);
+    end = last + 1;
   }
 }
 

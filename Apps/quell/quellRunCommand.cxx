@@ -123,7 +123,7 @@ std::map<std::string, std::string> Provenance(const PreparedRun& run)
   {
     m["inputs"] += input.second + " " + input.first + "\n";
   }
-  m["frames"] = std::to_string(run.First) + ":" + std::to_string(run.End);
+  m["frames"] = std::to_string(run.First) + ":" + std::to_string(run.End - 1);
   if (run.Region)
   {
     m["region"] = RegionText(*run.Region);
@@ -267,7 +267,7 @@ public:
       if (checkpoint.Tick < this->Start || checkpoint.Tick + 1 >= this->Run.End)
       {
         throw UsageError("--resume: checkpoint " + this->File + " is of frame " + std::to_string(checkpoint.Tick) +
-          ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" + std::to_string(this->Run.End) +
+          ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" + std::to_string(this->Run.End - 1) +
           " to be made; nothing was executed");
       }
       std::string error;

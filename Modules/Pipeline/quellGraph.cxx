@@ -176,7 +176,8 @@ struct Endpoint
 {
   int Node = -1;  ///< -1: unknown because of a mistake already reported
   std::string Array;
-  Reference Origin;  ///< the innermost text that named the node
+  bool Delayed = false;  ///< an instance's input on the way says delay="1"
+  Reference Origin;      ///< the innermost text that named the node
 };
 
 const char* const CommandLine = "command line";
@@ -335,6 +336,7 @@ public:
     this->CheckArrays();
     this->CheckCycles();
     this->Result->Nodes.resize(real);
+    this->CheckSettings();
     if (!this->Messages.HasErrors())
     {
       this->MakeOrder();
@@ -1350,12 +1352,37 @@ private:
     {
       if (input.Port.Given && input.Port.Value == port)
       {
-        const std::vector<Endpoint> more = this->Resolve(this->InstanceInput(in, input), depth + 1);
+        const Reference outer = this->InstanceInput(in, input);
+        std::vector<Endpoint> more = this->Resolve(outer, depth + 1);
+        const bool delayed = this->IsDelayed(input, outer);
+        for (Endpoint& e : more)
+        {
+          e.Delayed = e.Delayed || delayed;
+        }
         ends.insert(ends.end(), more.begin(), more.end());
       }
     }
     // A port without any input is reported once, by ResolveInstances.
     return ends.empty() ? std::vector<Endpoint>{ this->Unknown(r) } : ends;
+  }
+
+  /// The value of delay="..."; a mistake in it is reported, and counts as a delay, so that it is not called a cycle as well.
+  bool IsDelayed(const PipelineInput& input, const Reference& r)
+  {
+    if (!input.Delay.Given)
+    {
+      return false;
+    }
+    const Value delay = this->Expand(input.Delay, r.In->Parameters, r.About);
+    bool delayed = false;
+    std::string error;
+    if (delay.Ok && !detail::ParseBool(delay.Text, delayed, error))
+    {
+      this->Error(input.Delay.Place, r.About, "delay = " + Quoted(delay.Text) + " is neither 0 nor 1",
+        "delay=\"1\" reads the previous frame");
+      return true;
+    }
+    return delayed;
   }
 
   Reference InstanceInput(Instance& instance, const PipelineInput& input) const
@@ -1518,23 +1545,13 @@ private:
       this->Error(input.Port.Place, source.About, "no input " + Quoted(port.Text), this->NearOr(port.Text, names, "inputs: "));
       return;
     }
-    bool delayed = false;
-    if (input.Delay.Given)
+    const bool delayed = this->IsDelayed(input, r);
+    const bool anyDelayed = delayed || std::any_of(ends.begin(), ends.end(), [](const Endpoint& e) { return e.Delayed; });
+    if (anyDelayed && index == 0)
     {
-      const Value delay = this->Expand(input.Delay, source.In->Parameters, r.About);
-      std::string error;
-      if (delay.Ok && !detail::ParseBool(delay.Text, delayed, error))
-      {
-        this->Error(input.Delay.Place, r.About, "delay = " + Quoted(delay.Text) + " is neither 0 nor 1",
-          "delay=\"1\" reads the previous frame");
-        delayed = index != 0;  // meant as a delay, surely: do not call it a cycle as well
-      }
-    }
-    if (delayed && index == 0)
-    {
-      this->Error(input.Delay.Place, r.About, "the first input of a stage cannot be delayed",
+      this->Error(delayed ? input.Delay.Place : input.From.Place, r.About,
+        "a stage's first input (" + Quoted(port.Text) + " of " + node.Type + ") cannot be delayed",
         "it gives the frame its size; every other input may read the previous frame");
-      delayed = false;
     }
     bool optional = false;
     if (input.Optional.Given)
@@ -1570,7 +1587,8 @@ private:
         this->Error(input.Place, r.About, "is already connected at " + first->Place.ToText(), "it takes one connection");
         return;
       }
-      if (first && (delayed || first->Delayed))
+      const bool endDelayed = delayed || end.Delayed;
+      if (first && index != 0 && (endDelayed || first->Delayed))
       {
         this->Error(input.Place, r.About, "a delayed input takes one connection", "it is connected at " + first->Place.ToText());
         return;
@@ -1580,7 +1598,7 @@ private:
       edge.Connection = connection;
       edge.Producer = end.Node;
       edge.Array = end.Array;
-      edge.Delayed = delayed;
+      edge.Delayed = endDelayed;
       edge.Place = input.Place;
       for (const PipelineInput::Attribute& a : input.Attributes)
       {
@@ -1876,6 +1894,13 @@ private:
     }
     for (const auto& a : this->Options.Outputs)
     {
+      if (files.count(a.first))
+      {
+        Who who;
+        who.Where = "--output " + a.first;
+        this->Error(OnCommandLine(), who, "is given twice: " + files[a.first] + " and " + a.second);
+        continue;
+      }
       if (std::find(names.begin(), names.end(), a.first) != names.end())
       {
         files[a.first] = a.second;
@@ -1908,6 +1933,36 @@ private:
     int State = 0;      ///< 0 new, 1 being made, 2 done
   };
 
+  /// A stage's own refusal of its settings, once a node.
+  void Complain(int n, const char* text)
+  {
+    if (this->Complained.insert(n).second)
+    {
+      this->Error(this->Result->Nodes[std::size_t(n)].Place, this->Items[std::size_t(n)].About, text);
+    }
+  }
+
+  void CheckSettings()
+  {
+    for (std::size_t n = 0; n < this->Result->Nodes.size(); ++n)
+    {
+      const GraphNode& node = this->Result->Nodes[n];
+      if (!node.Stage || this->BadProperties.count(int(n)))
+      {
+        continue;
+      }
+      try
+      {
+        node.Stage->SetTimeline(this->Result->Ticks);
+        node.Stage->CheckSettings();
+      }
+      catch (const std::exception& e)
+      {
+        this->Complain(int(n), e.what());
+      }
+    }
+  }
+
   const Available& ArraysOf(int n)
   {
     Available& a = this->Availables[n];
@@ -1932,18 +1987,20 @@ private:
     add(node.Description().Outputs);
     if (this->BadProperties.count(n))
     {
-      a.Known = false;
+      // What it makes may hang on them only where nothing is described.
+      a.Known = !node.Description().Outputs.empty();
     }
     else
     {
       try
       {
+        node.Stage->SetTimeline(this->Result->Ticks);
         add(node.Stage->ListDynamicOutputs());
       }
       catch (const std::exception& e)
       {
         a.Known = false;
-        this->Error(node.Place, this->Items[std::size_t(n)].About, e.what());
+        this->Complain(n, e.what());
       }
     }
     bool connected = false;
@@ -2396,6 +2453,7 @@ private:
   std::vector<Source> Items;  // parallel to Result->Nodes
   std::map<std::pair<std::string, std::string>, std::string> Overrides;
   std::set<int> BadProperties;
+  std::set<int> Complained;
   std::vector<TypedEnd> Typed;
   std::vector<PendingEnd> Ends;
   std::deque<PipelineOutput> Outputs;

@@ -70,10 +70,10 @@ const ElementRule& ParameterOfInstance()
   static const ElementRule rule{ "parameter", { "name", "value" }, {}, {} };
   return rule;
 }
-// <input> of an instance: the template's port has no attributes of its own, and inner nodes say delay themselves.
+// <input> of an instance: the template's port has no attributes of its own.
 const ElementRule& InputOfInstance()
 {
-  static const ElementRule rule{ "input", { "port", "from" }, {}, {} };
+  static const ElementRule rule{ "input", { "port", "from" }, { "delay" }, {} };
   return rule;
 }
 

@@ -379,9 +379,10 @@ std::string PipelineXsd(const StageRegistry& registry)
   s.Attribute("name", true);
   s.Attribute("value", true);
   s.End();
-  s.Begin("InstanceInput", "Connects a port of the template to node:array.", {});
+  s.Begin("InstanceInput", "Connects a port of the template to node:array; delay=1 reads the previous frame.", {});
   s.Attribute("port", true);
   s.Attribute("from", true);
+  s.Attribute("delay", false);
   s.End();
   s.Begin("Input",
     "Connects a port to node:array (or @port within a template); delay=1 reads the previous frame; optional=1 leaves the "

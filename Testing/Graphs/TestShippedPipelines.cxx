@@ -109,7 +109,7 @@ TEST(ShippedPipelines, TemporalRegionEqualsCropBitForBit)
 
 TEST(ShippedPipelines, ThreadsDoNotChangeBits)
 {
-  Pipeline two("svgf.xml", "taa", { "radiance" }, small), one("svgf.xml", "sum", { "radiance" }, small);
+  Pipeline two("svgf.xml", "taa", { "radiance" }, small), one("svgf.xml", "taa", { "radiance" }, small);
   for (int t = 0; t < 3; ++t)
     two.Tick(t);
   vtkSMPTools::LocalScope(vtkSMPTools::Config{ 1 }, [&] {

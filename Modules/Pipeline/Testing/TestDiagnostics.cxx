@@ -115,7 +115,7 @@ TEST(Diagnostics, Connections)
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:normal\" delay=\"2\"/>")),
     "p.xml:3:110: error: node \"b\" (TestBox): input \"normal\": delay = \"2\" is neither 0 nor 1; delay=\"1\" reads the previous frame\n");
   EXPECT_EQ(Messages(Pt + "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"pt\" delay=\"1\"/></node>" + Out),
-    "p.xml:2:95: error: node \"b\" (TestBox): input \"radiance\": the first input of a stage cannot be delayed; it gives the frame its "
+    "p.xml:2:95: error: node \"b\" (TestBox): input \"radiance\": a stage's first input (\"radiance\" of TestBox) cannot be delayed; it gives the frame its "
     "size; every other input may read the previous frame\n");
   // Optional connections are left out where there is no such array; required ones cannot be.
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:velocity\" optional=\"1\"/>")), "");
@@ -298,4 +298,28 @@ TEST(Diagnostics, AllMistakesAtOnceAndNoCascades)
     "p.xml:4:92: error: node \"y\" (TestBox): input \"normal\": no node \"q\"; nodes: pt, x, y, z\n"
     "p.xml:5:52: error: node \"z\" (TestBox): input \"radiance\": wants color (3 x float, linear RGB), but \"y:mask\" is scalar (1 x float)\n"
     "p.xml:6:18: error: output \"o\": no node \"w\"; nodes: pt, x, y, z\n");
+}
+
+TEST(Diagnostics, AnInstanceInputMayBeDelayed)
+{
+  const std::string mix = "<template name=\"mix\"><port name=\"now\"/><port name=\"past\"/>"
+                          "<node id=\"m\" type=\"TestAccumulate\"><input port=\"radiance\" from=\"@now\"/>"
+                          "<input port=\"history\" from=\"@past\"/></node><port name=\"out\" from=\"m:radiance\"/></template>";
+  const auto use = [&](const std::string& delay) {
+    return Messages(mix + Pt + "<instance id=\"b\" template=\"mix\"><input port=\"now\" from=\"pt:radiance\"/>"
+                               "<input port=\"past\" from=\"b:out\"" + delay + "/></instance><output name=\"o\" from=\"b:out\"/>");
+  };
+  EXPECT_EQ(use(" delay=\"1\""), "");
+  EXPECT_NE(use("").find("cycle"), std::string::npos);
+  const std::string bad = use(" delay=\"2\"");
+  EXPECT_NE(bad.find("delay = \"2\" is neither 0 nor 1"), std::string::npos);
+  EXPECT_EQ(bad.find("cycle"), std::string::npos) << bad;
+}
+
+TEST(Diagnostics, ABadPropertyDoesNotHideOtherMistakes)
+{
+  const std::string text = Messages("<node id=\"pt\" type=\"TestSource\"><property name=\"Bogus\" value=\"1\"/></node>"
+                                    "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"pt:radianse\"/></node>" + Out);
+  EXPECT_NE(text.find("no property \"Bogus\""), std::string::npos) << text;
+  EXPECT_NE(text.find("did you mean \"radiance\"?"), std::string::npos) << text;
 }
