@@ -21,7 +21,8 @@ namespace quell
 {
 const StageRegistry& AllStages()
 {
-  static const StageRegistry registry = [] {
+  static const StageRegistry registry = []
+  {
     StageRegistry r;
     RegisterRayTracingStages(r);
     RegisterDenoisingStages(r);
@@ -50,14 +51,18 @@ namespace
 void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
 {
   app->add_option("FILE", a.File, "Pipeline file, or an EXR that a run wrote: the pipeline in it")->required();
-  app->add_option("-D", a.Defines, "Give a variable of the file another value")->type_name("NAME=VALUE")->allow_extra_args(false);
+  app->add_option("-D", a.Defines, "Give a variable of the file another value")
+    ->type_name("NAME=VALUE")
+    ->allow_extra_args(false);
   app->add_option("--set", a.Sets, "Set a node's property; inner nodes as indirect/atrous.PhiColor")
     ->type_name("NODE.PROPERTY=VALUE")
     ->allow_extra_args(false);
   app->add_option("--seed", a.Seed, "Set the property Seed of every node that has one")->type_name("N");
   app->add_option("--frames", a.Frames, "Frames A to B; N alone is one frame")->type_name("A:B");
-  app->add_option("--warmup-tolerance", a.WarmUpTolerance,
-       "Weight that frames before those computed may have had in the first one asked, default 0.001; 0 computes all frames")
+  app
+    ->add_option("--warmup-tolerance", a.WarmUpTolerance,
+      "Weight that frames before those computed may have had in the first one asked, default 0.001; 0 computes all "
+      "frames")
     ->type_name("T")
     ->check(CLI::Range(0., 1.));
   app->add_option("--region", a.Region, "Part of the frame: pixels from the top left corner, half open")
@@ -66,11 +71,14 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
     ->type_name("NAME=FILE")
     ->allow_extra_args(false);
   app->add_option("--out", a.OutputDirectory, "Directory for relative output files")->type_name("DIR");
-  app->add_option("--memory", a.MemoryMegabytes,
-       "Refuse to start when the arrays between the stages need more than this many 10^6 bytes; scene and scratch come on top")
+  app
+    ->add_option("--memory", a.MemoryMegabytes,
+      "Refuse to start when the arrays between the stages need more than this many 10^6 bytes; scene and scratch come "
+      "on top")
     ->type_name("MB")
     ->check(CLI::Validator(
-      [](const std::string& text) {
+      [](const std::string& text)
+      {
         double value = 0;
         std::string error;
         const bool good = quell::detail::ParseDouble(text, 0, 1e300, value, error) && value > 0;
@@ -94,7 +102,9 @@ int Run(int argc, char** argv)
   CLI::App* runApp = app.add_subcommand("run", "Run a pipeline");
   AddPipelineOptions(runApp, run);
   runApp->add_flag("--resume", run.Resume, "Go on after the last frame that an earlier run finished");
-  runApp->add_option("--threads", threads, "Threads to use; all when not given")->type_name("N")->check(CLI::Range(1, 4096));
+  runApp->add_option("--threads", threads, "Threads to use; all when not given")
+    ->type_name("N")
+    ->check(CLI::Range(1, 4096));
   runApp->add_option("--stats", run.Stats, "Write counters and seconds of every node as JSON")->type_name("FILE.json");
   runApp->add_flag("--quiet", run.Quiet, "No progress");
 
@@ -133,7 +143,8 @@ int Run(int argc, char** argv)
     ->type_name("NAME=VALUE")
     ->allow_extra_args(false);
   compareApp->add_flag("--json", compare.Json, "As JSON");
-  compareApp->add_option("--map", compare.Map, "Write the first metric's value of each pixel as a picture")->type_name("OUT.png");
+  compareApp->add_option("--map", compare.Map, "Write the first metric's value of each pixel as a picture")
+    ->type_name("OUT.png");
 
   try
   {

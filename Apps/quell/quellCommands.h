@@ -40,7 +40,7 @@ struct PipelineArguments
   std::optional<long long> Seed;
   std::string Frames, Region, OutputDirectory;
   double WarmUpTolerance = 1e-3;
-  double MemoryMegabytes = 0;  ///< 0: no limit
+  double MemoryMegabytes = 0; ///< 0: no limit
 };
 struct RunArguments : PipelineArguments
 {
@@ -85,8 +85,8 @@ struct PreparedRun
   int First = 0, End = 1;
   HistoryPlan History;
 };
-/// A pipeline file, or an image that a run wrote, with the pipeline in it. Diagnostics are printed; null after an error.
-/// Throws UsageError for an image without pipeline.
+/// A pipeline file, or an image that a run wrote, with the pipeline in it. Diagnostics are printed; null after an
+/// error. Throws UsageError for an image without pipeline.
 std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors);
 /// The plan of a run; throws UsageError when it needs more than --memory.
 ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);

@@ -59,8 +59,8 @@ std::string SizeText(const ReadReport& r)
 /// Dark blue over purple and orange to light yellow: lightness grows with the error, readable without colour.
 void FalseColor(double t, float* out)
 {
-  static const double stops[5][3] = { { 0.02, 0.02, 0.08 }, { 0.28, 0.07, 0.42 }, { 0.71, 0.21, 0.33 }, { 0.97, 0.55, 0.18 },
-    { 0.99, 0.97, 0.75 } };
+  static const double stops[5][3] = { { 0.02, 0.02, 0.08 }, { 0.28, 0.07, 0.42 }, { 0.71, 0.21, 0.33 },
+    { 0.97, 0.55, 0.18 }, { 0.99, 0.97, 0.75 } };
   const double x = std::min(1., std::max(0., t)) * 4;
   const int i = std::min(3, int(x));
   for (int c = 0; c < 3; ++c)
@@ -107,7 +107,8 @@ double WriteMap(const std::string& file, const std::string& metric, const ImageI
 int CompareCommand(const CompareArguments& a)
 {
   const std::vector<std::string> known = MetricNames();
-  const auto requireMetric = [&known](const std::string& name) {
+  const auto requireMetric = [&known](const std::string& name)
+  {
     if (std::find(known.begin(), known.end(), name) == known.end())
     {
       const std::string near = DidYouMean(name, known);
@@ -152,8 +153,8 @@ int CompareCommand(const CompareArguments& a)
   RequireLayer(a.Reference, referenceHeader, layer);
   if (testHeader.Width != referenceHeader.Width || testHeader.Height != referenceHeader.Height)
   {
-    throw StageError("the images differ in size: " + a.Test + " is " + SizeText(testHeader) + " pixels, " + a.Reference + " is " +
-      SizeText(referenceHeader));
+    throw StageError("the images differ in size: " + a.Test + " is " + SizeText(testHeader) + " pixels, " +
+                     a.Reference + " is " + SizeText(referenceHeader));
   }
   ReadOptions options;
   options.Arrays = { layer };
@@ -205,7 +206,7 @@ int CompareCommand(const CompareArguments& a)
         exceeded = true;
         out["exceeded"].push_back(v.first);
         verdicts += "quell: " + v.first + " is " + detail::FormatDouble(v.second) + ", more than " +
-          detail::FormatDouble(limit.second) + "\n";
+                    detail::FormatDouble(limit.second) + "\n";
       }
     }
   }
@@ -233,7 +234,8 @@ int CompareCommand(const CompareArguments& a)
     }
     if (!a.Map.empty())
     {
-      std::printf("wrote %s: %s of each pixel, brightest at %.4g\n", a.Map.c_str(), values.front().first.c_str(), scale);
+      std::printf(
+        "wrote %s: %s of each pixel, brightest at %.4g\n", a.Map.c_str(), values.front().first.c_str(), scale);
     }
   }
   std::fflush(stdout);

@@ -21,8 +21,8 @@ namespace
 struct Statistics
 {
   std::int64_t Pixels = 0, NaN = 0, Infinite = 0, Negative = 0;
-  double Minimum = std::numeric_limits<double>::infinity(), Maximum = -Minimum, Mean = 0;  ///< of finite values
-  std::vector<std::string> Contract;  ///< what the array's kind promises and these pixels do not keep
+  double Minimum = std::numeric_limits<double>::infinity(), Maximum = -Minimum, Mean = 0; ///< of finite values
+  std::vector<std::string> Contract; ///< what the array's kind promises and these pixels do not keep
 };
 
 void Break(Statistics& s, std::int64_t count, const char* what)
@@ -72,7 +72,7 @@ Statistics Measure(const float* data, std::int64_t pixels, int components, Array
   const bool mayBeInfinite = kind == ArrayKind::Depth || kind == ArrayKind::Scalar;
   Break(s, mayBeInfinite ? 0 : s.Infinite, "are infinite");
   const bool maySign = kind == ArrayKind::Normal || kind == ArrayKind::Position || kind == ArrayKind::Motion ||
-    kind == ArrayKind::Any || kind == ArrayKind::Scalar;
+                       kind == ArrayKind::Any || kind == ArrayKind::Scalar;
   Break(s, maySign ? 0 : s.Negative, "are negative");
   Break(s, kind == ArrayKind::Albedo || kind == ArrayKind::Display ? above : 0, "are above 1");
   Break(s, kind == ArrayKind::Normal ? longNormals : 0, "are neither unit normals nor 0");
@@ -95,16 +95,17 @@ int InspectCommand(const std::string& file, bool asJson)
 {
   ReadReport report;
   const vtkSmartPointer<vtkImageData> image = ReadImageFile(file, &report);
-  nlohmann::json out = { { "file", file }, { "format", report.Format }, { "width", report.Width }, { "height", report.Height } };
+  nlohmann::json out = { { "file", file }, { "format", report.Format }, { "width", report.Width },
+    { "height", report.Height } };
   const Rect& w = report.DataWindow;
   out["dataWindow"] = { w.x0, report.Height - w.y1, w.x1, report.Height - w.y0 };
   out["arrays"] = nlohmann::json::array();
-  std::string text = file + ": " + report.Format + ", " + std::to_string(report.Width) + " x " + std::to_string(report.Height) +
-    " pixels";
+  std::string text = file + ": " + report.Format + ", " + std::to_string(report.Width) + " x " +
+                     std::to_string(report.Height) + " pixels";
   if (w != Rect{ 0, 0, report.Width, report.Height })
   {
-    text += ", holds " + std::to_string(w.x0) + "," + std::to_string(report.Height - w.y1) + "," + std::to_string(w.x1) + "," +
-      std::to_string(report.Height - w.y0);
+    text += ", holds " + std::to_string(w.x0) + "," + std::to_string(report.Height - w.y1) + "," +
+            std::to_string(w.x1) + "," + std::to_string(report.Height - w.y0);
   }
   text += "\n";
   for (const FileArray& a : report.Arrays)
@@ -132,8 +133,9 @@ int InspectCommand(const std::string& file, bool asJson)
     {
       text += "    against its contract: " + line + "\n";
     }
-    nlohmann::json entry = { { "name", a.Name }, { "kind", KindName(a.Kind) }, { "type", a.Type }, { "channels", a.Channels },
-      { "nan", s.NaN }, { "infinite", s.Infinite }, { "negative", s.Negative }, { "contract", s.Contract } };
+    nlohmann::json entry = { { "name", a.Name }, { "kind", KindName(a.Kind) }, { "type", a.Type },
+      { "channels", a.Channels }, { "nan", s.NaN }, { "infinite", s.Infinite }, { "negative", s.Negative },
+      { "contract", s.Contract } };
     if (any)
     {
       entry["minimum"] = s.Minimum;
@@ -147,7 +149,7 @@ int InspectCommand(const std::string& file, bool asJson)
   {
     const std::size_t lines = std::size_t(std::count(m.second.begin(), m.second.end(), '\n'));
     text += "  quell:" + m.first + " = " +
-      (lines > 1 || m.second.size() > 100 ? std::to_string(m.second.size()) + " characters" : m.second) + "\n";
+            (lines > 1 || m.second.size() > 100 ? std::to_string(m.second.size()) + " characters" : m.second) + "\n";
   }
   for (const std::string& warning : report.Warnings)
   {

@@ -14,22 +14,25 @@ namespace
 nlohmann::json StageJson(const StageDescription& d)
 {
   using nlohmann::json;
-  json out = { { "type", d.Type }, { "category", d.Category }, { "brief", d.Brief }, { "details", d.Details }, { "sink", d.Sink } };
+  json out = { { "type", d.Type }, { "category", d.Category }, { "brief", d.Brief }, { "details", d.Details },
+    { "sink", d.Sink } };
   out["inputs"] = json::array();
   for (const InputPort& p : d.Inputs)
   {
-    out["inputs"].push_back({ { "name", p.Name }, { "kind", KindName(p.Kind) }, { "array", p.Array }, { "optional", p.Optional },
-      { "repeatable", p.Repeatable }, { "doc", p.Doc } });
+    out["inputs"].push_back({ { "name", p.Name }, { "kind", KindName(p.Kind) }, { "array", p.Array },
+      { "optional", p.Optional }, { "repeatable", p.Repeatable }, { "doc", p.Doc } });
   }
   out["outputs"] = json::array();
   for (const OutputArray& o : d.Outputs)
   {
-    out["outputs"].push_back({ { "name", o.Name }, { "kind", KindName(o.Kind) }, { "components", o.Components }, { "doc", o.Doc } });
+    out["outputs"].push_back(
+      { { "name", o.Name }, { "kind", KindName(o.Kind) }, { "components", o.Components }, { "doc", o.Doc } });
   }
   out["properties"] = json::array();
   for (const Property& p : d.Properties)
   {
-    json property = { { "name", p.Name }, { "type", p.TypeName() }, { "default", p.DefaultText }, { "unit", p.Unit }, { "doc", p.Doc } };
+    json property = { { "name", p.Name }, { "type", p.TypeName() }, { "default", p.DefaultText }, { "unit", p.Unit },
+      { "doc", p.Doc } };
     if (p.Kind == Property::Type::Int || p.Kind == Property::Type::Double || p.Kind == Property::Type::Vector)
     {
       property["minimum"] = p.Minimum;
@@ -65,7 +68,8 @@ int NodesCommand(const NodesArguments& a)
   if (!a.Type.empty() && !registry.Describe(a.Type))
   {
     const std::string near = DidYouMean(a.Type, all);
-    throw UsageError("unknown stage type " + Quoted(a.Type) + "; " + (near.empty() ? "types: " + Listed(all, 100) : near));
+    throw UsageError(
+      "unknown stage type " + Quoted(a.Type) + "; " + (near.empty() ? "types: " + Listed(all, 100) : near));
   }
   const std::vector<std::string> types = a.Type.empty() ? all : std::vector<std::string>{ a.Type };
   if (a.Markdown)

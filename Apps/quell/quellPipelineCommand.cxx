@@ -77,7 +77,8 @@ void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int
   }
   if (end > last + 1)
   {
-    std::fprintf(stderr, "quell: --frames %s: the pipeline has frames %s; ending with frame %d\n", text.c_str(), range.c_str(), last);
+    std::fprintf(stderr, "quell: --frames %s: the pipeline has frames %s; ending with frame %d\n", text.c_str(),
+      range.c_str(), last);
     end = last + 1;
   }
 }
@@ -106,7 +107,8 @@ std::optional<DisplayRegion> ParseRegion(const std::string& text)
   }
   if (v[0] >= v[2] || v[1] >= v[3])
   {
-    throw UsageError("--region " + text + ": empty; X0,Y0 is the top left pixel and X1,Y1 the first one beyond the bottom right");
+    throw UsageError(
+      "--region " + text + ": empty; X0,Y0 is the top left pixel and X1,Y1 the first one beyond the bottom right");
   }
   return DisplayRegion{ v[0], v[1], v[2], v[3] };
 }
@@ -154,13 +156,15 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   out["outputs"] = json::array();
   for (const auto& o : plan.Outputs)
   {
-    out["outputs"].push_back({ { "name", o.Name }, { "from", o.From }, { "file", o.File }, { "everyFrame", o.EveryFrame } });
+    out["outputs"].push_back(
+      { { "name", o.Name }, { "from", o.From }, { "file", o.File }, { "everyFrame", o.EveryFrame } });
   }
   out["nodes"] = json::array();
   for (const PlannedNode& n : plan.Nodes)
   {
-    json node = { { "id", n.Path }, { "type", n.Type }, { "executes", n.Executes }, { "makes", n.Makes }, { "passes", n.Passes },
-      { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes }, { "keptBytes", n.KeptBytes }, { "notes", n.Notes } };
+    json node = { { "id", n.Path }, { "type", n.Type }, { "executes", n.Executes }, { "makes", n.Makes },
+      { "passes", n.Passes }, { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes },
+      { "keptBytes", n.KeptBytes }, { "notes", n.Notes } };
     node["region"] = { n.Region.x0, plan.Height - n.Region.y1, n.Region.x1, plan.Height - n.Region.y0 };
     node["properties"] = json::object();
     for (const auto& p : n.Properties)
@@ -242,8 +246,9 @@ std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphO
     }
     if (!metadata.count("pipeline"))
     {
-      throw UsageError(file + ": no pipeline is in this image; those that quell run writes have it, unless another program "
-                              "wrote them anew");
+      throw UsageError(file +
+                       ": no pipeline is in this image; those that quell run writes have it, unless another program "
+                       "wrote them anew");
     }
     // Lines and columns of messages are those of the text that quell inspect prints.
     const auto document = ReadPipelineText(metadata["pipeline"], file, messages);
@@ -284,7 +289,7 @@ ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)
     largest += (i ? ", " : "") + Quoted(nodes[i]->Path) + " " + BytesText(nodes[i]->Bytes + nodes[i]->KeptBytes);
   }
   throw UsageError("--memory " + detail::FormatDouble(a.MemoryMegabytes) + ": the arrays need " + BytesText(bytes) +
-    ", most of it in " + largest + "; nothing was executed");
+                   ", most of it in " + largest + "; nothing was executed");
 }
 
 int CheckCommand(const std::string& file)
@@ -324,7 +329,9 @@ int ExplainCommand(const ExplainArguments& arguments)
     std::fprintf(stderr, "quell: error: %s\n", plan.Error.c_str());
     return ExitFailed;
   }
-  const std::string text = arguments.Dot ? PlanDot(plan) : arguments.Json ? PlanJson(plan).dump(2) + "\n" : PlanText(plan);
+  const std::string text = arguments.Dot    ? PlanDot(plan)
+                           : arguments.Json ? PlanJson(plan).dump(2) + "\n"
+                                            : PlanText(plan);
   std::fputs(text.c_str(), stdout);
   return ExitDone;
 }

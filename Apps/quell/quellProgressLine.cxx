@@ -32,7 +32,10 @@ std::string DurationText(double seconds)
   return text;
 }
 
-ProgressLine::ProgressLine(int frames, bool quiet) : Frames(frames), Start(std::chrono::steady_clock::now()), Last(Start)
+ProgressLine::ProgressLine(int frames, bool quiet)
+  : Frames(frames)
+  , Start(std::chrono::steady_clock::now())
+  , Last(Start)
 {
   this->Bar = !quiet && isatty(STDERR_FILENO);
   this->Lines = !quiet && !this->Bar;
@@ -76,7 +79,7 @@ void ProgressLine::Update(int framesDone, double done, const std::string& what)
     left = ", " + DurationText(elapsed * (1 - fraction) / fraction) + " left";
   }
   std::string line = "[" + bar + "] frame " + std::to_string(std::min(framesDone + 1, this->Frames)) + " of " +
-    std::to_string(this->Frames) + left + "  " + what.substr(0, 32);
+                     std::to_string(this->Frames) + left + "  " + what.substr(0, 32);
   // A line that wraps cannot be drawn over. The size may change while we run.
   winsize size{};
   if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1)

@@ -7,8 +7,8 @@
 
 namespace quell
 {
-/// One line on stderr that is drawn over and over: a bar, the frame, the time left. Where stderr is no terminal, one plain
-/// line per frame instead.
+/// One line on stderr that is drawn over and over: a bar, the frame, the time left. Where stderr is no terminal, one
+/// plain line per frame instead.
 class ProgressLine
 {
 public:

@@ -70,7 +70,10 @@ struct InterruptScope
 class FrameProgress
 {
 public:
-  explicit FrameProgress(const PipelineExecutor& executor) : Executor(executor) {}
+  explicit FrameProgress(const PipelineExecutor& executor)
+    : Executor(executor)
+  {
+  }
   void NewFrame()
   {
     this->Done.clear();
@@ -110,7 +113,8 @@ private:
   std::map<std::string, double> Done, Weights;
 };
 
-/// What a file needs to say where it came from. `pipeline` alone makes the same run again; the rest is for people and checks.
+/// What a file needs to say where it came from. `pipeline` alone makes the same run again; the rest is for people and
+/// checks.
 std::map<std::string, std::string> Provenance(const PreparedRun& run)
 {
   std::map<std::string, std::string> m;
@@ -138,8 +142,8 @@ std::map<std::string, std::string> Provenance(const PreparedRun& run)
 /// Where a run starts, and which frames it need not make.
 struct Progress
 {
-  int Start = 0;            ///< the first tick to run
-  std::set<int> Done;       ///< finished by an earlier run
+  int Start = 0;      ///< the first tick to run
+  std::set<int> Done; ///< finished by an earlier run
 };
 
 /// Frames without history are finished when their files are there and of this very pipeline.
@@ -153,7 +157,8 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
     const vtkQuellStage* stage = executor.GetStage(path);
     if (!stage->GetDescription().FindProperty("File"))
     {
-      std::fprintf(stderr, "quell: --resume: node %s writes no file that would tell which frames are done; starting from frame %d\n",
+      std::fprintf(stderr,
+        "quell: --resume: node %s writes no file that would tell which frames are done; starting from frame %d\n",
         Quoted(path).c_str(), run.First);
       return;
     }
@@ -179,10 +184,11 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
       }
       catch (const StageError&)
       {
-        done = false;  // half a file of another program; it is written anew
+        done = false; // half a file of another program; it is written anew
       }
       // Formats other than EXR carry no hash: being there has to do.
-      const auto value = [](const std::map<std::string, std::string>& m, const char* key) {
+      const auto value = [](const std::map<std::string, std::string>& m, const char* key)
+      {
         const auto found = m.find(key);
         return found == m.end() ? std::string() : found->second;
       };
@@ -193,16 +199,17 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
           if (value(theirs, key) != value(metadata, key))
           {
             throw UsageError("--resume: " + file + " was made by another " +
-              (std::strcmp(key, "pipelineHash") == 0 ? "pipeline or other options"
-                  : std::strcmp(key, "inputs") == 0  ? "state of the input files"
-                  : std::strcmp(key, "region") == 0  ? "region"
-                                                     : "version of this program") +
-              "; nothing was executed");
+                             (std::strcmp(key, "pipelineHash") == 0 ? "pipeline or other options"
+                               : std::strcmp(key, "inputs") == 0    ? "state of the input files"
+                               : std::strcmp(key, "region") == 0    ? "region"
+                                                                    : "version of this program") +
+                             "; nothing was executed");
           }
         }
       }
       // Without a number in its name the file is of whatever frame was last.
-      done = done && (pattern != file || !theirs.count("frames") || value(theirs, "frames") == value(metadata, "frames"));
+      done =
+        done && (pattern != file || !theirs.count("frames") || value(theirs, "frames") == value(metadata, "frames"));
     }
     if (done)
     {
@@ -215,8 +222,8 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
   }
   else
   {
-    std::fprintf(stderr, "quell: --resume: %d of %d frames are there already and are not made again\n", int(progress.Done.size()),
-      run.End - run.First);
+    std::fprintf(stderr, "quell: --resume: %d of %d frames are there already and are not made again\n",
+      int(progress.Done.size()), run.End - run.First);
   }
 }
 
@@ -224,7 +231,9 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
 class Checkpoints
 {
 public:
-  Checkpoints(PreparedRun& run) : Run(run), Start(run.First - run.History.Frames)
+  Checkpoints(PreparedRun& run)
+    : Run(run)
+    , Start(run.First - run.History.Frames)
   {
     this->On = run.Executor->HasDelays() && run.End - this->Start > 1;
     this->File = CheckpointPath(*run.Executor);
@@ -240,7 +249,8 @@ public:
     std::error_code code;
     if (this->On && std::filesystem::exists(this->File, code))
     {
-      std::fprintf(stderr, "quell: %s of a run that was not completed is there; starting from frame %d, --resume would go on\n",
+      std::fprintf(stderr,
+        "quell: %s of a run that was not completed is there; starting from frame %d, --resume would go on\n",
         this->File.c_str(), this->Start);
     }
   }
@@ -253,7 +263,8 @@ public:
     std::error_code code;
     if (!this->On || !std::filesystem::exists(this->File, code))
     {
-      std::fprintf(stderr, "quell: --resume: there is no checkpoint %s; starting from frame %d\n", this->File.c_str(), this->Start);
+      std::fprintf(stderr, "quell: --resume: there is no checkpoint %s; starting from frame %d\n", this->File.c_str(),
+        this->Start);
       return this->Start;
     }
     try
@@ -262,13 +273,14 @@ public:
       const std::string difference = DifferenceOf(checkpoint.Identity, this->Identity);
       if (!difference.empty())
       {
-        throw UsageError("--resume: checkpoint " + this->File + " is of another run: " + difference + "; nothing was executed");
+        throw UsageError(
+          "--resume: checkpoint " + this->File + " is of another run: " + difference + "; nothing was executed");
       }
       if (checkpoint.Tick < this->Start || checkpoint.Tick + 1 >= this->Run.End)
       {
         throw UsageError("--resume: checkpoint " + this->File + " is of frame " + std::to_string(checkpoint.Tick) +
-          ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" + std::to_string(this->Run.End - 1) +
-          " to be made; nothing was executed");
+                         ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" +
+                         std::to_string(this->Run.End - 1) + " to be made; nothing was executed");
       }
       std::string error;
       if (!Restore(*this->Run.Executor, checkpoint, error))
@@ -286,8 +298,8 @@ public:
     return this->Saved + 1;
   }
 
-  /// After a whole frame. Writing may take a tenth of the time: small frames are not slowed down, and a run that stops by
-  /// itself writes in End().
+  /// After a whole frame. Writing may take a tenth of the time: small frames are not slowed down, and a run that stops
+  /// by itself writes in End().
   void FrameDone(int tick)
   {
     this->Finished = tick;
@@ -371,7 +383,8 @@ std::string Enumerated(const std::vector<std::string>& names)
 }
 
 /// The names of what was written: a sequence by its pattern, a single frame by its name.
-std::vector<std::string> WrittenNames(const PipelineExecutor& executor, const std::vector<std::string>& files, int frames)
+std::vector<std::string> WrittenNames(
+  const PipelineExecutor& executor, const std::vector<std::string>& files, int frames)
 {
   if (frames == 1)
   {
@@ -402,8 +415,8 @@ std::vector<std::string> WrittenNames(const PipelineExecutor& executor, const st
   return names.empty() ? std::vector<std::string>(single.begin(), single.end()) : names;
 }
 
-bool WriteStats(const std::string& file, const PreparedRun& run, int frames, double seconds, const std::vector<double>& frameSeconds,
-  const std::vector<std::string>& files)
+bool WriteStats(const std::string& file, const PreparedRun& run, int frames, double seconds,
+  const std::vector<double>& frameSeconds, const std::vector<std::string>& files)
 {
   nlohmann::json out;
   out["file"] = run.Pipeline->Document->File;
@@ -417,9 +430,9 @@ bool WriteStats(const std::string& file, const PreparedRun& run, int frames, dou
   for (const NodeCounters& c : run.Executor->Counters())
   {
     const StageCounters& k = c.Counters;
-    out["nodes"].push_back({ { "id", c.Path }, { "type", c.Type }, { "executions", k.Executions }, { "pixels", k.Pixels },
-      { "bytes", k.Bytes }, { "rays", k.Rays }, { "paths", k.Paths }, { "taps", k.Taps }, { "nonFinite", k.NonFinite },
-      { "seconds", k.Seconds } });
+    out["nodes"].push_back({ { "id", c.Path }, { "type", c.Type }, { "executions", k.Executions },
+      { "pixels", k.Pixels }, { "bytes", k.Bytes }, { "rays", k.Rays }, { "paths", k.Paths }, { "taps", k.Taps },
+      { "nonFinite", k.NonFinite }, { "seconds", k.Seconds } });
   }
   std::ofstream stream(file);
   stream << out.dump(2) << "\n";
@@ -460,7 +473,7 @@ int RunCommand(const RunArguments& arguments)
   }
   const std::map<std::string, std::string> metadata = Provenance(run);
   executor.SetMetadata(metadata);
-  executor.SetHistoryLength(1);  // a run only goes forward
+  executor.SetHistoryLength(1); // a run only goes forward
 
   Progress resumed;
   resumed.Start = run.First - run.History.Frames;
@@ -493,7 +506,8 @@ int RunCommand(const RunArguments& arguments)
   checkpoints.SetProgress(&line);
   FrameProgress progress(executor);
   int done = 0;
-  executor.SetProgress([&](const std::string& node, double fraction) { line.Update(done, progress.Update(node, fraction), node); });
+  executor.SetProgress(
+    [&](const std::string& node, double fraction) { line.Update(done, progress.Update(node, fraction), node); });
 
   const Clock::time_point start = Clock::now();
   std::vector<std::string> files;
@@ -508,7 +522,9 @@ int RunCommand(const RunArguments& arguments)
     }
     progress.NewFrame();
     const Clock::time_point frameStart = Clock::now();
-    const TickMode mode = tick < run.First ? TickMode::WarmUp : tick + 1 < run.End ? TickMode::Frame : TickMode::LastFrame;
+    const TickMode mode = tick < run.First     ? TickMode::WarmUp
+                          : tick + 1 < run.End ? TickMode::Frame
+                                               : TickMode::LastFrame;
     const TickResult result = executor.RunTick(tick, mode);
     for (const std::string& w : result.Warnings)
     {
@@ -548,9 +564,9 @@ int RunCommand(const RunArguments& arguments)
   {
     const std::vector<std::string> names = WrittenNames(executor, files, finished);
     const std::string count = finished == 1 ? "1 frame" : std::to_string(finished) + " frames";
-    std::string text = names.empty() ? "ran " + count
-      : finished == 1                ? "wrote " + Enumerated(names)
-                                     : "wrote " + count + " to " + Enumerated(names);
+    std::string text = names.empty()   ? "ran " + count
+                       : finished == 1 ? "wrote " + Enumerated(names)
+                                       : "wrote " + count + " to " + Enumerated(names);
     char timing[96];
     if (done > 1)
     {
@@ -570,7 +586,8 @@ int RunCommand(const RunArguments& arguments)
     }
   }
   std::fflush(stdout);
-  if (!arguments.Stats.empty() && !WriteStats(arguments.Stats, run, finished, seconds, frameSeconds, files) && status == ExitDone)
+  if (!arguments.Stats.empty() && !WriteStats(arguments.Stats, run, finished, seconds, frameSeconds, files) &&
+      status == ExitDone)
   {
     status = ExitFailed;
   }

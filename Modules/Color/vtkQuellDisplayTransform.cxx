@@ -37,7 +37,8 @@ std::string Choose(const char* what, const std::string& name, const std::vector<
     return name;
   const std::string near = quell::NearestName(name, names);
   throw quell::StageError("\"" + path + "\" has no " + what + " \"" + name + "\"; " +
-    (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "it has " + Listed(names));
+                          (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "it has " +
+                          Listed(names));
 }
 
 bool IsFinite(const float* v)
@@ -87,9 +88,12 @@ void vtkQuellDisplayTransform::Describe(quell::StageDescription& d)
   d.Brief = "Linear radiance to display values through an OpenColorIO view.";
   d.Details =
     "display = clamp(view(radiance 2^Exposure), 0, 1), the view applied to the configuration's `scene_linear` role.\n\n"
-    "Pixels that are not finite are replaced by the mean of their finite neighbours (3 x 3, inside the frame; 0 when there are "
-    "none) and counted, and values are clamped to +-65504 before OpenColorIO, which would turn them into black or NaN.\n\n"
-    "The shipped configuration has one display, `sRGB`, with the views `ACES-like` (Narkowicz's 2016 fit to the ACES tone "
+    "Pixels that are not finite are replaced by the mean of their finite neighbours (3 x 3, inside the frame; 0 when "
+    "there are "
+    "none) and counted, and values are clamped to +-65504 before OpenColorIO, which would turn them into black or "
+    "NaN.\n\n"
+    "The shipped configuration has one display, `sRGB`, with the views `ACES-like` (Narkowicz's 2016 fit to the ACES "
+    "tone "
     "curve), `sRGB` (the encoding alone) and `Raw` (no transform).";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "linear, Rec. 709 primaries in the shipped configuration");
   d.Output("display", quell::ArrayKind::Display, "encoded for the display, in [0, 1]");
@@ -147,9 +151,9 @@ std::string vtkQuellDisplayTransform::ShippedConfig()
       return place.string();
     tried.push_back(place.string());
   }
-  throw quell::StageError(
-    "the shipped colour configuration is missing; set Config, or QUELL_DATA_DIR to Quell's data directory (looked for " +
-    Listed(tried) + ")");
+  throw quell::StageError("the shipped colour configuration is missing; set Config, or QUELL_DATA_DIR to Quell's data "
+                          "directory (looked for " +
+                          Listed(tried) + ")");
 }
 
 // Makes the processor where settings or file changed; all mistakes in them end here.
@@ -158,7 +162,8 @@ void vtkQuellDisplayTransform::CheckSettings()
   const std::string path = this->Config.empty() ? ShippedConfig() : this->Config;
   std::error_code ec;
   if (!fs::is_regular_file(path, ec))
-    throw quell::StageError("there is no colour configuration \"" + path + "\"; check Config, or leave it empty for the shipped one");
+    throw quell::StageError(
+      "there is no colour configuration \"" + path + "\"; check Config, or leave it empty for the shipped one");
   const std::string key = path + "\n" + this->Display + "\n" + this->View;
   const auto written = fs::last_write_time(path, ec);
   if (!this->Data->Processor || this->Data->Key != key || this->Data->Written != written)
@@ -173,8 +178,7 @@ void vtkQuellDisplayTransform::CheckSettings()
       const std::string display = Choose("display", this->Display, displays, config->getDefaultDisplay(), path);
       for (int i = 0; i < config->getNumViews(display.c_str()); ++i)
         views.push_back(config->getView(display.c_str(), i));
-      const std::string view =
-        Choose("view", this->View, views, config->getDefaultView(display.c_str()), path);
+      const std::string view = Choose("view", this->View, views, config->getDefaultView(display.c_str()), path);
       OCIO::DisplayViewTransformRcPtr transform = OCIO::DisplayViewTransform::Create();
       transform->setSrc(OCIO::ROLE_SCENE_LINEAR);
       transform->setDisplay(display.c_str());
@@ -188,7 +192,8 @@ void vtkQuellDisplayTransform::CheckSettings()
       std::string text = e.what();
       std::replace(text.begin(), text.end(), '\n', ' ');
       throw quell::StageError("cannot use the colour configuration \"" + path + "\": " + text + "; OpenColorIO " +
-        OCIO::GetVersion() + " reads configurations up to its own version, leave Config empty for the shipped one");
+                              OCIO::GetVersion() +
+                              " reads configurations up to its own version, leave Config empty for the shipped one");
     }
     this->Data->Key = key;
     this->Data->Written = written;
@@ -212,7 +217,8 @@ void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
   this->Counters.NonFinite += bad;
   if (bad)
     this->Warnings.push_back(std::to_string(bad) + " pixels of radiance are not finite, the first at (" +
-      std::to_string(firstX) + ", " + std::to_string(firstY) + ") from the bottom left; filled from neighbours");
+                             std::to_string(firstX) + ", " + std::to_string(firstY) +
+                             ") from the bottom left; filled from neighbours");
 }
 
 void vtkQuellDisplayTransform::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const

@@ -3,12 +3,12 @@
  * @class   vtkQuellDisplayTransform
  * @brief   linear radiance to display values through an OpenColorIO view
  *
- * display = clamp(view(sane(radiance) 2^Exposure), 0, 1), view = the chosen display's view of the configuration, applied to
- * its scene_linear role.
+ * display = clamp(view(sane(radiance) 2^Exposure), 0, 1), view = the chosen display's view of the configuration,
+ * applied to its scene_linear role.
  *
- * sane(): OpenColorIO 2.1 turns NaN and infinities into black and the largest floats into NaN, so a pixel with a non-finite
- * component is replaced by the mean of its finite neighbours (3 x 3; 0 when there are none) and counted, and the exposed
- * values are clamped to +-65504. Border: neighbours outside the frame do not count. Halo 1.
+ * sane(): OpenColorIO 2.1 turns NaN and infinities into black and the largest floats into NaN, so a pixel with a
+ * non-finite component is replaced by the mean of its finite neighbours (3 x 3; 0 when there are none) and counted, and
+ * the exposed values are clamped to +-65504. Border: neighbours outside the frame do not count. Halo 1.
  */
 #ifndef vtkQuellDisplayTransform_h
 #define vtkQuellDisplayTransform_h

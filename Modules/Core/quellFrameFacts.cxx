@@ -52,7 +52,7 @@ FrameFacts FrameFacts::Read(vtkFieldData* data)
   if (!data)
     return f;
   f.HasCamera = ReadDoubles(data, "worldToCamera", &f.WorldToCamera.m[0][0], 16) &&
-    ReadDoubles(data, "worldToNDC", &f.WorldToNdc.m[0][0], 16);
+                ReadDoubles(data, "worldToNDC", &f.WorldToNdc.m[0][0], 16);
   double origin[3] = { 0, 0, 0 };
   if (ReadDoubles(data, "origin", origin, 3))
     f.Origin = { origin[0], origin[1], origin[2] };

@@ -18,14 +18,14 @@ namespace quell
 struct VTKQUELLCORE_EXPORT FrameFacts
 {
   bool HasCamera = false;
-  Mat4 WorldToCamera;   ///< camera looks along -z, y up
+  Mat4 WorldToCamera; ///< camera looks along -z, y up
   Mat4 WorldToNdc;
-  Vec3d Origin;         ///< world position of the recentred origin
+  Vec3d Origin; ///< world position of the recentred origin
   int Tick = 0;
-  double Time = 0;      ///< scene seconds
+  double Time = 0; ///< scene seconds
   long long Seed = 0;
   int SamplesPerPixel = 0;
-  std::string Scene;    ///< content hash of what was rendered; empty: unknown
+  std::string Scene; ///< content hash of what was rendered; empty: unknown
 
   /// Missing entries leave the defaults.
   static FrameFacts Read(vtkFieldData* data);

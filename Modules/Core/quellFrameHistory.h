@@ -17,7 +17,10 @@ namespace quell
 class VTKQUELLCORE_EXPORT FrameHistory
 {
 public:
-  explicit FrameHistory(int ticksKept = 3) : Kept(ticksKept) {}
+  explicit FrameHistory(int ticksKept = 3)
+    : Kept(ticksKept)
+  {
+  }
 
   /// Everything kept of one frame: producer name -> image.
   using Frame = std::map<std::string, vtkSmartPointer<vtkImageData>>;

@@ -107,13 +107,20 @@ const char* Property::TypeName() const
 {
   switch (this->Kind)
   {
-    case Type::Int: return "int";
-    case Type::Double: return "double";
-    case Type::Bool: return "bool";
-    case Type::Enum: return "enum";
-    case Type::String: return "string";
-    case Type::Path: return "path";
-    case Type::Vector: return "vector";
+    case Type::Int:
+      return "int";
+    case Type::Double:
+      return "double";
+    case Type::Bool:
+      return "bool";
+    case Type::Enum:
+      return "enum";
+    case Type::String:
+      return "string";
+    case Type::Path:
+      return "path";
+    case Type::Vector:
+      return "vector";
   }
   return "string";
 }
@@ -162,7 +169,8 @@ StageDescription& StageDescription::DelayedInput(const char* name, ArrayKind kin
   this->Inputs.back().Delayed = true;
   return *this;
 }
-StageDescription& StageDescription::RepeatableInput(const char* name, ArrayKind kind, const char* array, const char* doc)
+StageDescription& StageDescription::RepeatableInput(
+  const char* name, ArrayKind kind, const char* array, const char* doc)
 {
   this->Input(name, kind, array, doc);
   this->Inputs.back().Repeatable = true;
@@ -181,7 +189,8 @@ StageDescription& StageDescription::Output(const char* name, ArrayKind kind, con
 
 std::string NearestName(const std::string& name, const std::vector<std::string>& names)
 {
-  const auto lower = [](std::string s) {
+  const auto lower = [](std::string s)
+  {
     for (char& c : s)
       c = (c >= 'A' && c <= 'Z') ? char(c - 'A' + 'a') : c;
     return s;
@@ -339,8 +348,8 @@ bool ParseVector(const std::string& text, int n, double lo, double hi, double* o
   }
   if (int(values.size()) != n)
   {
-    error = "\"" + text + "\" has " + std::to_string(values.size()) + " numbers where " + std::to_string(n) +
-      " are wanted";
+    error =
+      "\"" + text + "\" has " + std::to_string(values.size()) + " numbers where " + std::to_string(n) + " are wanted";
     return false;
   }
   std::copy(values.begin(), values.end(), out);

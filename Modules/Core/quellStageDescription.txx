@@ -25,7 +25,8 @@ VTKQUELLCORE_EXPORT bool& BuildingPrototype();
 template <class S>
 S* Fresh()
 {
-  static vtkSmartPointer<S> prototype = [] {
+  static vtkSmartPointer<S> prototype = []
+  {
     BuildingPrototype() = true;
     auto made = vtkSmartPointer<S>::New();
     BuildingPrototype() = false;
@@ -35,8 +36,8 @@ S* Fresh()
 }
 
 template <class S>
-Property IntRow(const char* n, const char* unit, const char* doc, long long (*get)(const S*), void (*set)(S*, long long),
-  double (*lo)(S*), double (*hi)(S*))
+Property IntRow(const char* n, const char* unit, const char* doc, long long (*get)(const S*),
+  void (*set)(S*, long long), double (*lo)(S*), double (*hi)(S*))
 {
   Property p;
   p.Name = n;
@@ -48,7 +49,8 @@ Property IntRow(const char* n, const char* unit, const char* doc, long long (*ge
   p.DefaultText = std::to_string(get(Fresh<S>()));
   p.GetText = [get](const vtkQuellStage* s) { return std::to_string(get(As<S>(s))); };
   p.SetText = [set, l = p.Minimum, h = p.Maximum, d = p.DefaultText](
-                vtkQuellStage* s, const std::string& text, std::string& error) {
+                vtkQuellStage* s, const std::string& text, std::string& error)
+  {
     long long v = 0;
     if (!ParseInt(text, (long long)l, (long long)h, v, error))
     {
@@ -75,7 +77,8 @@ Property DoubleRow(const char* n, const char* unit, const char* doc, double (*ge
   p.DefaultText = FormatDouble(get(Fresh<S>()));
   p.GetText = [get](const vtkQuellStage* s) { return FormatDouble(get(As<S>(s))); };
   p.SetText = [set, l = p.Minimum, h = p.Maximum, d = p.DefaultText](
-                vtkQuellStage* s, const std::string& text, std::string& error) {
+                vtkQuellStage* s, const std::string& text, std::string& error)
+  {
     double v = 0;
     if (!ParseDouble(text, l, h, v, error))
     {
@@ -98,7 +101,8 @@ Property BoolRow(const char* n, const char* doc, bool (*get)(const S*), void (*s
   p.Maximum = 1;
   p.DefaultText = get(Fresh<S>()) ? "true" : "false";
   p.GetText = [get](const vtkQuellStage* s) { return std::string(get(As<S>(s)) ? "true" : "false"); };
-  p.SetText = [set](vtkQuellStage* s, const std::string& text, std::string& error) {
+  p.SetText = [set](vtkQuellStage* s, const std::string& text, std::string& error)
+  {
     bool v = false;
     if (!ParseBool(text, v, error))
       return false;
@@ -109,7 +113,8 @@ Property BoolRow(const char* n, const char* doc, bool (*get)(const S*), void (*s
 }
 
 template <class S>
-Property EnumRow(const char* n, const char* doc, std::vector<std::string> names, int (*get)(const S*), void (*set)(S*, int))
+Property EnumRow(
+  const char* n, const char* doc, std::vector<std::string> names, int (*get)(const S*), void (*set)(S*, int))
 {
   Property p;
   p.Name = n;
@@ -119,7 +124,8 @@ Property EnumRow(const char* n, const char* doc, std::vector<std::string> names,
   p.Enumerators = names;
   p.DefaultText = names.at(get(Fresh<S>()));
   p.GetText = [get, names](const vtkQuellStage* s) { return names.at(get(As<S>(s))); };
-  p.SetText = [set, names](vtkQuellStage* s, const std::string& text, std::string& error) {
+  p.SetText = [set, names](vtkQuellStage* s, const std::string& text, std::string& error)
+  {
     int v = 0;
     if (!ParseEnum(text, names, v, error))
       return false;
@@ -130,8 +136,8 @@ Property EnumRow(const char* n, const char* doc, std::vector<std::string> names,
 }
 
 template <class S>
-Property StringRow(Property::Type t, const char* n, const char* doc, std::string (*get)(const S*),
-  void (*set)(S*, const std::string&))
+Property StringRow(
+  Property::Type t, const char* n, const char* doc, std::string (*get)(const S*), void (*set)(S*, const std::string&))
 {
   Property p;
   p.Name = n;
@@ -139,7 +145,8 @@ Property StringRow(Property::Type t, const char* n, const char* doc, std::string
   p.Kind = t;
   p.DefaultText = get(Fresh<S>());
   p.GetText = [get](const vtkQuellStage* s) { return get(As<S>(s)); };
-  p.SetText = [set](vtkQuellStage* s, const std::string& text, std::string&) {
+  p.SetText = [set](vtkQuellStage* s, const std::string& text, std::string&)
+  {
     set(As<S>(s), text);
     return true;
   };
@@ -158,7 +165,8 @@ Property VectorRow(const char* n, int count, double lo, double hi, const char* u
   p.Components = count;
   p.Minimum = lo;
   p.Maximum = hi;
-  p.GetText = [get, count](const vtkQuellStage* s) {
+  p.GetText = [get, count](const vtkQuellStage* s)
+  {
     const double* v = get(As<S>(s));
     std::string t;
     for (int i = 0; i < count; ++i)
@@ -166,7 +174,8 @@ Property VectorRow(const char* n, int count, double lo, double hi, const char* u
     return t;
   };
   p.DefaultText = p.GetText(Fresh<S>());
-  p.SetText = [set, count, lo, hi](vtkQuellStage* s, const std::string& text, std::string& error) {
+  p.SetText = [set, count, lo, hi](vtkQuellStage* s, const std::string& text, std::string& error)
+  {
     std::vector<double> v(count);
     if (!ParseVector(text, count, lo, hi, v.data(), error))
       return false;

@@ -27,7 +27,7 @@ public:
   /// nullptr for an unknown type.
   vtkSmartPointer<vtkQuellStage> Create(const std::string& type) const;
   const StageDescription* Describe(const std::string& type) const;
-  std::vector<std::string> Types() const;  ///< sorted
+  std::vector<std::string> Types() const; ///< sorted
 
 private:
   void AddFactory(Factory factory);

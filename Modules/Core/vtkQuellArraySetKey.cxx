@@ -49,10 +49,11 @@ bool vtkQuellArraySetKey::NeedToExecute(vtkInformation* pipelineInfo, vtkInforma
   return !std::includes(provided.begin(), provided.end(), asked.begin(), asked.end());
 }
 
-void vtkQuellArraySetKey::CopyDefaultInformation(vtkInformation* request, vtkInformation* fromInfo, vtkInformation* toInfo)
+void vtkQuellArraySetKey::CopyDefaultInformation(
+  vtkInformation* request, vtkInformation* fromInfo, vtkInformation* toInfo)
 {
   if (this != vtkQuellStage::REQUESTED_ARRAYS() ||
-    !request->Has(vtkStreamingDemandDrivenPipeline::REQUEST_UPDATE_EXTENT()))
+      !request->Has(vtkStreamingDemandDrivenPipeline::REQUEST_UPDATE_EXTENT()))
     return;
   if (fromInfo->Has(vtkQuellStage::IS_QUELL_STAGE()))
     return;

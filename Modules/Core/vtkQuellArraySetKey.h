@@ -3,8 +3,8 @@
  * @class   vtkQuellArraySetKey
  * @brief   information key that holds a set of array names and travels upstream as a union
  *
- * VTK's own request keys keep the last writer's value where several consumers share a producer; this one unites. The empty
- * name is a marker: the key is present although nothing is wanted (an input that this pass does not need).
+ * VTK's own request keys keep the last writer's value where several consumers share a producer; this one unites. The
+ * empty name is a marker: the key is present although nothing is wanted (an input that this pass does not need).
  */
 #ifndef vtkQuellArraySetKey_h
 #define vtkQuellArraySetKey_h

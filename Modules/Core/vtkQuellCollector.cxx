@@ -53,30 +53,36 @@ bool vtkQuellCollector::UpdateTick(int tick)
   if (this->Requests.empty())
     return true;
   std::set<vtkAlgorithm*> seen;
-  VisitUpstream(this, seen, [](vtkAlgorithm* a) {
-    for (int p = 0; p < a->GetNumberOfOutputPorts(); ++p)
+  VisitUpstream(this, seen,
+    [](vtkAlgorithm* a)
     {
-      vtkInformation* info = a->GetOutputInformation(p);
-      info->Remove(vtkQuellStage::REQUESTED_ARRAYS());
-      info->Remove(SDDP::COMBINED_UPDATE_EXTENT());
-      const int nothing[4] = { 0, 0, 0, 0 };
-      info->Set(vtkQuellStage::PASS_REGION(), nothing, 4);
-    }
-  });
+      for (int p = 0; p < a->GetNumberOfOutputPorts(); ++p)
+      {
+        vtkInformation* info = a->GetOutputInformation(p);
+        info->Remove(vtkQuellStage::REQUESTED_ARRAYS());
+        info->Remove(SDDP::COMBINED_UPDATE_EXTENT());
+        const int nothing[4] = { 0, 0, 0, 0 };
+        info->Set(vtkQuellStage::PASS_REGION(), nothing, 4);
+      }
+    });
   const bool done = this->UpdateTimeStep(double(tick)) != 0;
   seen.clear();
-  VisitUpstream(this, seen, [](vtkAlgorithm* a) {
-    for (int p = 0; p < a->GetNumberOfOutputPorts(); ++p)
-      a->GetOutputInformation(p)->Remove(vtkQuellStage::PASS_REGION());
-  });
+  VisitUpstream(this, seen,
+    [](vtkAlgorithm* a)
+    {
+      for (int p = 0; p < a->GetNumberOfOutputPorts(); ++p)
+        a->GetOutputInformation(p)->Remove(vtkQuellStage::PASS_REGION());
+    });
   if (done)
     return true;
   seen.clear();
-  VisitUpstream(this, seen, [this](vtkAlgorithm* a) {
-    auto stage = vtkQuellStage::SafeDownCast(a);
-    if (stage && !this->Failed && !stage->GetErrorText().empty())
-      this->Failed = stage;
-  });
+  VisitUpstream(this, seen,
+    [this](vtkAlgorithm* a)
+    {
+      auto stage = vtkQuellStage::SafeDownCast(a);
+      if (stage && !this->Failed && !stage->GetErrorText().empty())
+        this->Failed = stage;
+    });
   return false;
 }
 

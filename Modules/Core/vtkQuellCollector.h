@@ -3,9 +3,9 @@
  * @class   vtkQuellCollector
  * @brief   the one sink of a frame: updates any number of stages in one pass, each with its arrays and region
  *
- * Six outputs asked one after the other would run a shared source again whenever arrays or extents widen; asked together
- * it runs once. Before each pass the demand of the last one is removed from everything upstream, so that a request does
- * not survive the click that made it.
+ * Six outputs asked one after the other would run a shared source again whenever arrays or extents widen; asked
+ * together it runs once. Before each pass the demand of the last one is removed from everything upstream, so that a
+ * request does not survive the click that made it.
  */
 #ifndef vtkQuellCollector_h
 #define vtkQuellCollector_h

@@ -60,7 +60,7 @@ struct vtkQuellStage::PortState
 {
   bool Delayed = false;
   vtkSmartPointer<vtkImageData> History;
-  std::vector<std::string> Arrays;  ///< per connection; empty: the port's default
+  std::vector<std::string> Arrays; ///< per connection; empty: the port's default
 };
 
 vtkQuellStage::vtkQuellStage() = default;
@@ -96,7 +96,8 @@ vtkInformationIntegerKey* vtkQuellStage::IS_QUELL_STAGE()
 
 vtkInformationIntegerVectorKey* vtkQuellStage::PASS_REGION()
 {
-  static vtkInformationIntegerVectorKey* key = vtkInformationIntegerVectorKey::MakeKey("PASS_REGION", "vtkQuellStage", 4);
+  static vtkInformationIntegerVectorKey* key =
+    vtkInformationIntegerVectorKey::MakeKey("PASS_REGION", "vtkQuellStage", 4);
   return key;
 }
 
@@ -332,7 +333,7 @@ int vtkQuellStage::RequestInformation(
           inputVector[p]->GetInformationObject(c)->Get(SDDP::WHOLE_EXTENT(), other);
           if (RectOf(other) != first && !this->AllowsOtherExtent(p))
             throw quell::StageError("input \"" + description.Inputs[p].Name + "\" is " + SizeText(RectOf(other)) +
-              " pixels, but input \"" + description.Inputs[0].Name + "\" is " + SizeText(first));
+                                    " pixels, but input \"" + description.Inputs[0].Name + "\" is " + SizeText(first));
         }
     }
   }
@@ -366,9 +367,10 @@ int vtkQuellStage::RequestUpdateExtent(
       int w[6];
       info->Get(SDDP::WHOLE_EXTENT(), w);
       const quell::Rect whole = RectOf(w);
-      quell::Rect read = this->AllowsOtherExtent(p)
-        ? whole
-        : (region.empty() ? region : region.grown(needed ? std::max(0, this->HaloFor(p)) : 0).clipped(whole));
+      quell::Rect read =
+        this->AllowsOtherExtent(p)
+          ? whole
+          : (region.empty() ? region : region.grown(needed ? std::max(0, this->HaloFor(p)) : 0).clipped(whole));
       quell::ArraySet names{ std::string() };
       if (needed)
         names.insert(this->GetInputArray(p, c));
@@ -474,7 +476,7 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
       vtkDataArray* array = first->GetPointData()->GetArray(name.c_str());
       if (!array)
         throw quell::StageError("no array \"" + name + "\": not made here, and input \"" + description.Inputs[0].Name +
-          "\" holds " + ArrayList(first));
+                                "\" holds " + ArrayList(first));
       if (RectOf(first->GetExtent()) == frame.OutputRegion)
         output->GetPointData()->AddArray(array);
       else
@@ -550,7 +552,8 @@ void vtkQuellStage::ForEachTile(
   std::mutex failureMutex;
   const std::thread::id caller = std::this_thread::get_id();
   TileLoop loop;
-  loop.Body = [&](vtkIdType i) {
+  loop.Body = [&](vtkIdType i)
+  {
     if (stop.load(std::memory_order_relaxed))
       return;
     if (this->IsCancelled())
@@ -620,7 +623,7 @@ ImageIn StageFrame::InputArray(int port, int connection, const std::string& name
   const int wanted = KindComponents(spec.Kind);
   if (wanted && array->GetNumberOfComponents() != wanted)
     throw StageError("input \"" + spec.Name + "\" wants " + KindName(spec.Kind) + " (" + KindDoc(spec.Kind) +
-      "), but \"" + name + "\" has " + std::to_string(array->GetNumberOfComponents()) + " components");
+                     "), but \"" + name + "\" has " + std::to_string(array->GetNumberOfComponents()) + " components");
   vtkFloatArray* floats = vtkFloatArray::SafeDownCast(array);
   if (!floats)
   {

@@ -7,9 +7,9 @@
  * role, and makes named arrays on its one output port. Derived classes declare a StageDescription and implement either
  * ExecuteTile (called in parallel, pure per tile) or Execute.
  *
- * **Demand.** A request for arrays travels upstream as a set (REQUESTED_ARRAYS). A stage only adds: port 0 gets what was
- * asked and is not made here, and every port what the stage reads there. No key at all means the primary output. Each
- * port's extent is the region grown by HaloFor(port), clipped to the whole frame; requests of several ports on one
+ * **Demand.** A request for arrays travels upstream as a set (REQUESTED_ARRAYS). A stage only adds: port 0 gets what
+ * was asked and is not made here, and every port what the stage reads there. No key at all means the primary output.
+ * Each port's extent is the region grown by HaloFor(port), clipped to the whole frame; requests of several ports on one
  * producer are united. What a stage is asked for and does not make is passed through, by reference, from port 0.
  *
  * **History.** A delayed input has no VTK connection: SetHistory(port, image) gives the image that its producer had on
@@ -49,14 +49,14 @@ using ArraySet = std::set<std::string>;
 /// Work done by a stage since it was made (or since ResetCounters).
 struct StageCounters
 {
-  std::int64_t Executions = 0;  ///< times Execute ran
-  std::int64_t Pixels = 0;      ///< output pixels computed
-  std::int64_t Bytes = 0;       ///< bytes of output arrays made
-  std::int64_t Rays = 0;        ///< rays traced (sources)
-  std::int64_t Paths = 0;       ///< camera paths traced (sources)
-  std::int64_t Taps = 0;        ///< filter taps read
-  std::int64_t NonFinite = 0;   ///< non-finite input pixels replaced
-  double Seconds = 0;           ///< wall time in Execute
+  std::int64_t Executions = 0; ///< times Execute ran
+  std::int64_t Pixels = 0;     ///< output pixels computed
+  std::int64_t Bytes = 0;      ///< bytes of output arrays made
+  std::int64_t Rays = 0;       ///< rays traced (sources)
+  std::int64_t Paths = 0;      ///< camera paths traced (sources)
+  std::int64_t Taps = 0;       ///< filter taps read
+  std::int64_t NonFinite = 0;  ///< non-finite input pixels replaced
+  double Seconds = 0;          ///< wall time in Execute
 };
 
 /// When frames happen: tick t is at scene time t / Rate; ticks run over [First, First + Count).
@@ -126,8 +126,9 @@ public:
   /// Lines for `quell explain`: what this stage leaves out in this scene and why.
   virtual std::vector<std::string> Explain() { return {}; }
 
-  /// Refuses what can be refused without input and without pixels: a view that the configuration lacks, a file name whose
-  /// format nobody writes, a missing scene. Throws quell::StageError; called for every node before a pipeline runs.
+  /// Refuses what can be refused without input and without pixels: a view that the configuration lacks, a file name
+  /// whose format nobody writes, a missing scene. Throws quell::StageError; called for every node before a pipeline
+  /// runs.
   virtual void CheckSettings() {}
 
   /// Array names the output may hold besides the described ones, known without executing (a reader's layers);
@@ -139,13 +140,13 @@ public:
   /// Whether `port` is read at all when `asked` is wanted; a port that is not needed demands no array.
   virtual bool NeedsInput(int port, const quell::ArraySet& asked) const;
 
-  /// Whether `port` may have another size than the stage's output (a reference image); then its whole extent is read and
-  /// sizes are not compared.
+  /// Whether `port` may have another size than the stage's output (a reference image); then its whole extent is read
+  /// and sizes are not compared.
   virtual bool AllowsOtherExtent(int port) const;
 
-  /// Largest part, in [0, 1], that what comes in through `port` keeps in the outputs while the other inputs share the rest:
-  /// how fast a loop through this stage forgets. 1 - alpha for the history that is mixed with weight alpha; 1, the default,
-  /// is right for filters (the past passes them whole) and the safe answer of a stage that does not know.
+  /// Largest part, in [0, 1], that what comes in through `port` keeps in the outputs while the other inputs share the
+  /// rest: how fast a loop through this stage forgets. 1 - alpha for the history that is mixed with weight alpha; 1,
+  /// the default, is right for filters (the past passes them whole) and the safe answer of a stage that does not know.
   virtual double HistoryWeight(int port) const;
 
   static vtkQuellArraySetKey* REQUESTED_ARRAYS();
@@ -175,7 +176,8 @@ protected:
   /// Pure function of inputs and properties for the pixels of `tile`; called concurrently.
   virtual void ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const;
 
-  /// Runs `body` over the tiles of `region` in parallel, with progress and cancellation (throws StageError("cancelled")).
+  /// Runs `body` over the tiles of `region` in parallel, with progress and cancellation (throws
+  /// StageError("cancelled")).
   void ForEachTile(const quell::Rect& region, int tileSize, const std::function<void(const quell::Rect&)>& body);
   bool IsCancelled() const { return this->Token && this->Token->IsCancelled(); }
 
@@ -209,15 +211,16 @@ namespace quell
 class VTKQUELLCORE_EXPORT StageFrame
 {
 public:
-  Rect Region() const { return this->OutputRegion; }  ///< pixels to compute
-  Rect Whole() const { return this->WholeFrame; }     ///< the full frame
+  Rect Region() const { return this->OutputRegion; } ///< pixels to compute
+  Rect Whole() const { return this->WholeFrame; }    ///< the full frame
   int Tick() const { return this->FrameTick; }
 
   /// Connected images of a port (a delayed input counts 1 when it has history, else 0).
   int Connections(int port) const;
   bool Has(int port, int connection = 0) const { return connection < this->Connections(port); }
-  /// The port's array; an absent view when the port is not connected, not needed or has no history yet. Throws StageError
-  /// when the producer did not deliver the array, or it has another number of components than the port's kind.
+  /// The port's array; an absent view when the port is not connected, not needed or has no history yet. Throws
+  /// StageError when the producer did not deliver the array, or it has another number of components than the port's
+  /// kind.
   ImageIn Input(int port, int connection = 0) const;
   /// Same for the named array instead of the connection's own.
   ImageIn InputArray(int port, int connection, const std::string& name) const;
@@ -229,7 +232,8 @@ public:
   const ArraySet& WantedArrays() const { return this->Wanted; }
   /// The view to fill, over Region(); an absent view when it is not wanted. Contents start at zero.
   ImageOut Output(const std::string& name);
-  ImageOut Output(const std::string& name) const;  ///< inside ExecuteTile: only arrays made before (all described ones are)
+  ImageOut Output(
+    const std::string& name) const; ///< inside ExecuteTile: only arrays made before (all described ones are)
   /// Adds an array that the description does not list (a reader's layer).
   ImageOut AddOutput(const std::string& name, int components);
   /// Facts of the output frame; initialised from port 0's.
@@ -249,22 +253,23 @@ private:
 }
 
 /// In a stage's .cxx: the one static table, filled by `void X::Describe(quell::StageDescription& d)`.
-#define QUELL_STAGE_DESCRIPTION(cls)                                                                         \
-  const quell::StageDescription& cls::GetDescription() const                                                 \
-  {                                                                                                          \
-    static const quell::StageDescription table = [] {                                                        \
-      quell::StageDescription d;                                                                             \
-      d.Type = std::string(#cls).substr(8);                                                                  \
-      Describe(d);                                                                                           \
-      return d;                                                                                              \
-    }();                                                                                                     \
-    return table;                                                                                            \
+#define QUELL_STAGE_DESCRIPTION(cls)                         \
+  const quell::StageDescription& cls::GetDescription() const \
+  {                                                          \
+    static const quell::StageDescription table = []          \
+    {                                                        \
+      quell::StageDescription d;                             \
+      d.Type = std::string(#cls).substr(8);                  \
+      Describe(d);                                           \
+      return d;                                              \
+    }();                                                     \
+    return table;                                            \
   }
 /// In the class body.
-#define QUELL_STAGE(cls)                                                                                     \
-  vtkTypeMacro(cls, vtkQuellStage);                                                                          \
-  static cls* New();                                                                                         \
-  const quell::StageDescription& GetDescription() const override;                                            \
+#define QUELL_STAGE(cls)                                          \
+  vtkTypeMacro(cls, vtkQuellStage);                               \
+  static cls* New();                                              \
+  const quell::StageDescription& GetDescription() const override; \
   static void Describe(quell::StageDescription& d)
 
 #endif

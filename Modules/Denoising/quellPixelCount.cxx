@@ -7,6 +7,6 @@ void quell::PixelCount::Report(StageCounters& counters, std::vector<std::string>
   if (n == 0)
     return;
   counters.NonFinite += n;
-  warnings.push_back(std::to_string(n) + (n == 1 ? " pixel" : " pixels") + " of " + what +
-    (n == 1 ? " was" : " were") + " not finite and filled from finite neighbours");
+  warnings.push_back(std::to_string(n) + (n == 1 ? " pixel" : " pixels") + " of " + what + (n == 1 ? " was" : " were") +
+                     " not finite and filled from finite neighbours");
 }

@@ -22,7 +22,8 @@ private:
   mutable std::atomic<std::int64_t> Pixels{ 0 };
 };
 
-/// Uninitialised floats that grow and are kept: fresh memory costs more than a filter pass (its pages are touched twice).
+/// Uninitialised floats that grow and are kept: fresh memory costs more than a filter pass (its pages are touched
+/// twice).
 class VTKQUELLDENOISING_EXPORT Scratch
 {
 public:

@@ -28,14 +28,17 @@ void vtkQuellATrousFilter::Describe(quell::StageDescription& d)
   using Self = vtkQuellATrousFilter;
   d.Category = "Denoising";
   d.Brief = "Edge-avoiding a-trous wavelet filter, guided by variance, depth and normals (SVGF).";
-  d.Details =
-    "`Iterations` passes of the 5 x 5 B3 spline kernel with steps 1, 2, 4 ... Each tap is weighted by "
-    "`exp(-|dz| / (SigmaDepth |slope . dq| + DepthEpsilon z))`, `max(0, n.n')^SigmaNormal` and "
-    "`exp(-|dl| / (SigmaLuminance sqrt(g) + LuminanceEpsilon (1 + l)))`, g being the variance blurred over 3 x 3 pixels. "
-    "The variance is filtered with the squared weights; it tightens the luminance weight from pass to pass and is no error bar. "
-    "Without `variance` the luminance tolerance is `SigmaColor`, halved in every pass. Taps outside the image, not finite, of "
-    "another id or without a hit have weight 0; a non-finite pixel becomes the weighted mean of its neighbours; background "
-    "passes through. Sources: Schied et al. 2017; Dammertz et al. 2010.";
+  d.Details = "`Iterations` passes of the 5 x 5 B3 spline kernel with steps 1, 2, 4 ... Each tap is weighted by "
+              "`exp(-|dz| / (SigmaDepth |slope . dq| + DepthEpsilon z))`, `max(0, n.n')^SigmaNormal` and "
+              "`exp(-|dl| / (SigmaLuminance sqrt(g) + LuminanceEpsilon (1 + l)))`, g being the variance blurred over 3 "
+              "x 3 pixels. "
+              "The variance is filtered with the squared weights; it tightens the luminance weight from pass to pass "
+              "and is no error bar. "
+              "Without `variance` the luminance tolerance is `SigmaColor`, halved in every pass. Taps outside the "
+              "image, not finite, of "
+              "another id or without a hit have weight 0; a non-finite pixel becomes the weighted mean of its "
+              "neighbours; background "
+              "passes through. Sources: Schied et al. 2017; Dammertz et al. 2010.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "what is filtered; illumination rather than radiance");
   d.OptionalInput("variance", quell::ArrayKind::Variance, "variance", "variance of its luminance");
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "guide");
@@ -88,7 +91,8 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   quell::PlaneLayout& layout = pass.guides.layout;
   layout = quell::PlaneLayout(read, std::max(1, passes ? 2 << (passes - 1) : 1));
   float* next = this->Planes.Take(layout.size() * 17);
-  const auto plane = [&next, &layout](bool used) {
+  const auto plane = [&next, &layout](bool used)
+  {
     float* p = used ? next : nullptr;
     next += used ? layout.size() : 0;
     return p;
@@ -113,21 +117,28 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   pass.luminanceEpsilon = float(this->LuminanceEpsilon);
 
   this->NonFinite.Reset();
-  const auto rows = [this](const quell::Rect& r, auto&& body) {
-    this->ForEachTile({ 0, r.y0, 1, r.y1 }, RowsPerTask, [&body](const quell::Rect& strip) { body(strip.y0, strip.y1); });
+  const auto rows = [this](const quell::Rect& r, auto&& body)
+  {
+    this->ForEachTile(
+      { 0, r.y0, 1, r.y1 }, RowsPerTask, [&body](const quell::Rect& strip) { body(strip.y0, strip.y1); });
   };
-  rows(read, [&](int y0, int y1) {
-    quell::CopyGuides(depth, normal, id, pass.guides, y0, y1);
-    this->NonFinite.Add(quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, region));
-    quell::ClearPadding(layout, pass.out, y0, y1);
-  });
+  rows(read,
+    [&](int y0, int y1)
+    {
+      quell::CopyGuides(depth, normal, id, pass.guides, y0, y1);
+      this->NonFinite.Add(quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, region));
+      quell::ClearPadding(layout, pass.out, y0, y1);
+    });
   rows(read, [&](int y0, int y1) { quell::CopySlopes(pass.guides, y0, y1); });
 
-  const auto store = [&](const quell::ImageOut& toColor, const quell::ImageOut& toVariance) {
-    rows(region, [&](int y0, int y1) {
-      quell::StoreFiltered(
-        pass.guides, pass.in, color, variance, toColor, toVariance, { region.x0, y0, region.x1, y1 });
-    });
+  const auto store = [&](const quell::ImageOut& toColor, const quell::ImageOut& toVariance)
+  {
+    rows(region,
+      [&](int y0, int y1)
+      {
+        quell::StoreFiltered(
+          pass.guides, pass.in, color, variance, toColor, toVariance, { region.x0, y0, region.x1, y1 });
+      });
   };
   if (feedbackOut && feedbackAfter == 0)
     store(feedbackOut, quell::ImageOut());
@@ -138,15 +149,17 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
     const quell::Rect made = regions[k + 1];
     // A task takes every step-th row, so that the five rows of a pixel's taps stay in the cache for the next row.
     const int tasksPerPhase = (made.height() + pass.step * RowsPerTask - 1) / (pass.step * RowsPerTask);
-    this->ForEachTile({ 0, 0, pass.step * tasksPerPhase, 1 }, 1, [&](const quell::Rect& task) {
-      const int phase = task.x0 / tasksPerPhase, first = task.x0 % tasksPerPhase * RowsPerTask;
-      for (int i = first; i < first + RowsPerTask; ++i)
+    this->ForEachTile({ 0, 0, pass.step * tasksPerPhase, 1 }, 1,
+      [&](const quell::Rect& task)
       {
-        const int y = made.y0 + phase + i * pass.step;
-        if (y < made.y1)
-          quell::ATrousRow(pass, y, made.x0, made.x1);
-      }
-    });
+        const int phase = task.x0 / tasksPerPhase, first = task.x0 % tasksPerPhase * RowsPerTask;
+        for (int i = first; i < first + RowsPerTask; ++i)
+        {
+          const int y = made.y0 + phase + i * pass.step;
+          if (y < made.y1)
+            quell::ATrousRow(pass, y, made.x0, made.x1);
+        }
+      });
     this->Counters.Taps += made.area() * 25;
     std::swap(pass.in, pass.out);
     if (feedbackOut && k + 1 == feedbackAfter)

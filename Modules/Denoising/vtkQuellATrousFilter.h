@@ -3,14 +3,15 @@
  * @class   vtkQuellATrousFilter
  * @brief   edge-avoiding a-trous wavelet filter of SVGF
  *
- * Iterations passes of the 5 x 5 B3 spline kernel with steps 1, 2, 4 ..., each tap weighted by depth, normal and luminance;
- * formula, border and non-finite rule in quellATrous.h. Inputs: radiance (port 0); optional variance, depth, normal, id.
- * Outputs: radiance, variance (propagated; makes the luminance weight tighter from pass to pass and is no error bar: taps of
- * later passes are correlated), feedback (the colour after pass FeedbackIteration, for the next frame's history).
+ * Iterations passes of the 5 x 5 B3 spline kernel with steps 1, 2, 4 ..., each tap weighted by depth, normal and
+ * luminance; formula, border and non-finite rule in quellATrous.h. Inputs: radiance (port 0); optional variance, depth,
+ * normal, id. Outputs: radiance, variance (propagated; makes the luminance weight tighter from pass to pass and is no
+ * error bar: taps of later passes are correlated), feedback (the colour after pass FeedbackIteration, for the next
+ * frame's history).
  *
- * Without variance the luminance weight uses SigmaColor, halved in every pass (Dammertz et al. 2010), and output variance
- * is 0 with a warning. Without depth every pixel counts as hit at the same depth; without normals wn = 1. Background passes
- * through. Keeps its planes (about 19 floats per pixel of the grown region) between frames.
+ * Without variance the luminance weight uses SigmaColor, halved in every pass (Dammertz et al. 2010), and output
+ * variance is 0 with a warning. Without depth every pixel counts as hit at the same depth; without normals wn = 1.
+ * Background passes through. Keeps its planes (about 19 floats per pixel of the grown region) between frames.
  */
 #ifndef vtkQuellATrousFilter_h
 #define vtkQuellATrousFilter_h
@@ -44,7 +45,8 @@ public:
   vtkSetClampMacro(SigmaColor, double, 0., 1e30);
   vtkGetMacro(SigmaColor, double);
   ///@}
-  ///@{ After which pass output feedback is taken, default 1, range [0, 10]; 0: the input; more than Iterations: the result.
+  ///@{ After which pass output feedback is taken, default 1, range [0, 10]; 0: the input; more than Iterations: the
+  ///result.
   vtkSetClampMacro(FeedbackIteration, int, 0, 10);
   vtkGetMacro(FeedbackIteration, int);
   ///@}

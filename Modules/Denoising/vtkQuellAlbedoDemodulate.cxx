@@ -21,9 +21,10 @@ void vtkQuellAlbedoDemodulate::Describe(quell::StageDescription& d)
   using Self = vtkQuellAlbedoDemodulate;
   d.Category = "Denoising";
   d.Brief = "Divides a layer by its albedo, so that filters do not blur textures.";
-  d.Details = "`illumination = radiance / clamp(albedo, Floor, 1)` per channel. `AlbedoModulate` with the same `Floor` gives "
-              "the radiance back to one unit in the last place, also where the albedo is 0. A non-finite albedo counts as 1. "
-              "A pixel with non-finite radiance gets the mean of its finite neighbours' illumination (0 if there are none).";
+  d.Details =
+    "`illumination = radiance / clamp(albedo, Floor, 1)` per channel. `AlbedoModulate` with the same `Floor` gives "
+    "the radiance back to one unit in the last place, also where the albedo is 0. A non-finite albedo counts as 1. "
+    "A pixel with non-finite radiance gets the mean of its finite neighbours' illumination (0 if there are none).";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the layer");
   d.OptionalInput("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that the layer holds; without it 1");
   d.Output("illumination", quell::ArrayKind::Color, "the layer divided by its albedo");

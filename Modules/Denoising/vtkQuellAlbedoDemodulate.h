@@ -4,8 +4,8 @@
  * @brief   divides a layer by its albedo
  *
  * illumination = radiance / clamp(albedo, Floor, 1), see quellDemodulate.h. Inputs: radiance (port 0), albedo. Outputs:
- * illumination. AlbedoModulate with the same Floor takes it back to 1 ulp, also where the albedo is 0. Border: none (halo 1
- * for the fill of non-finite pixels, whose illumination becomes the mean of their finite neighbours').
+ * illumination. AlbedoModulate with the same Floor takes it back to 1 ulp, also where the albedo is 0. Border: none
+ * (halo 1 for the fill of non-finite pixels, whose illumination becomes the mean of their finite neighbours').
  */
 #ifndef vtkQuellAlbedoDemodulate_h
 #define vtkQuellAlbedoDemodulate_h

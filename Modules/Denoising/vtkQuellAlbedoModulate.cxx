@@ -21,9 +21,10 @@ void vtkQuellAlbedoModulate::Describe(quell::StageDescription& d)
   using Self = vtkQuellAlbedoModulate;
   d.Category = "Denoising";
   d.Brief = "Multiplies illumination by its albedo: the inverse of AlbedoDemodulate.";
-  d.Details = "`radiance = illumination * clamp(albedo, Floor, 1)` per channel, with the floor of the `AlbedoDemodulate` "
-              "before. A non-finite albedo counts as 1. A non-finite illumination is replaced by the mean of its finite "
-              "neighbours (0 if there are none).";
+  d.Details =
+    "`radiance = illumination * clamp(albedo, Floor, 1)` per channel, with the floor of the `AlbedoDemodulate` "
+    "before. A non-finite albedo counts as 1. A non-finite illumination is replaced by the mean of its finite "
+    "neighbours (0 if there are none).";
   d.Input("illumination", quell::ArrayKind::Color, "illumination", "filtered illumination");
   d.OptionalInput("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that was divided out; without it 1");
   d.Output("radiance", quell::ArrayKind::Color, "the layer with its albedo");

@@ -38,13 +38,17 @@ void vtkQuellAovSplit::Describe(quell::StageDescription& d)
   using quell::ArrayKind;
   d.Category = "Denoising";
   d.Brief = "Makes Quell's layers from another renderer's passes, and checks that they add up to the beauty.";
-  d.Details =
-    "A layer is `pass * color` for demodulated passes (Blender's DiffDir is light already divided by DiffCol) or the pass "
-    "itself. `direct` and `indirect` are diffuse + specular; specular holds glossy, transmission and volume; `emission` holds "
-    "the environment too. `residual = radiance - (emission + direct + indirect)`, and pixels where it exceeds `Tolerance` are "
-    "reported. Without light passes all light is `directDiffuse` and the residual is 0. Without colour passes the albedos are "
-    "input `albedo`, or 1. Albedos are limited to [0, 1] and are 1 where all colours are 0. A non-finite pixel of a pass is "
-    "replaced by the mean of its finite neighbours (0 if there are none); its residual is 0.";
+  d.Details = "A layer is `pass * color` for demodulated passes (Blender's DiffDir is light already divided by "
+              "DiffCol) or the pass "
+              "itself. `direct` and `indirect` are diffuse + specular; specular holds glossy, transmission and volume; "
+              "`emission` holds "
+              "the environment too. `residual = radiance - (emission + direct + indirect)`, and pixels where it "
+              "exceeds `Tolerance` are "
+              "reported. Without light passes all light is `directDiffuse` and the residual is 0. Without colour "
+              "passes the albedos are "
+              "input `albedo`, or 1. Albedos are limited to [0, 1] and are 1 where all colours are 0. A non-finite "
+              "pixel of a pass is "
+              "replaced by the mean of its finite neighbours (0 if there are none); its residual is 0.";
   d.Input("combined", ArrayKind::Color, "radiance", "the beauty");
   d.OptionalInput("diffuseDirect", ArrayKind::Color, "diffuseDirect", "Blender DiffDir");
   d.OptionalInput("diffuseIndirect", ArrayKind::Color, "diffuseIndirect", "Blender DiffInd");
@@ -102,7 +106,8 @@ void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
     in.color[k] = frame.Input(color[k]);
     if (this->Convention == 0 && !in.color[k] && (in.direct[k] || in.indirect[k]))
       throw quell::StageError("a demodulated light pass needs its colour: input \"" +
-        this->GetDescription().Inputs[color[k]].Name + "\" is not connected (or set Convention to Radiance)");
+                              this->GetDescription().Inputs[color[k]].Name +
+                              "\" is not connected (or set Convention to Radiance)");
   }
   in.emission = frame.Input(Emission);
   in.environment = frame.Input(Environment);
@@ -128,11 +133,12 @@ void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
 
   const quell::Rect region = frame.Region();
   std::vector<quell::AovCheck> rows(region.height());
-  this->ForEachTile({ 0, region.y0, 1, region.y1 }, RowsPerTask, [&](const quell::Rect& strip) {
-    for (int y = strip.y0; y < strip.y1; ++y)
-      rows[y - region.y0] =
-        quell::AovSplit(in, float(this->Tolerance), out, { region.x0, y, region.x1, y + 1 });
-  });
+  this->ForEachTile({ 0, region.y0, 1, region.y1 }, RowsPerTask,
+    [&](const quell::Rect& strip)
+    {
+      for (int y = strip.y0; y < strip.y1; ++y)
+        rows[y - region.y0] = quell::AovSplit(in, float(this->Tolerance), out, { region.x0, y, region.x1, y + 1 });
+    });
   quell::AovCheck sum;
   for (const quell::AovCheck& row : rows)
   {
@@ -151,7 +157,8 @@ void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
   {
     char text[256];
     std::snprintf(text, sizeof text,
-      "the layers do not add up to the beauty: %lld of %lld pixels are off by more than %g, the worst by %.3g at (%d, %d)",
+      "the layers do not add up to the beauty: %lld of %lld pixels are off by more than %g, the worst by %.3g at (%d, "
+      "%d)",
       (long long)sum.Over, (long long)region.area(), this->Tolerance, sum.Worst, sum.WorstX, sum.WorstY);
     this->Warnings.push_back(text);
   }

@@ -3,11 +3,11 @@
  * @class   vtkQuellAovSplit
  * @brief   makes Quell's layers from another renderer's passes
  *
- * Formulas in quellAovSplit.h. Inputs: combined (port 0); optional diffuseDirect, diffuseIndirect, diffuseColor, glossyDirect,
- * glossyIndirect, glossyColor, transmissionDirect, transmissionIndirect, transmissionColor, volumeDirect, volumeIndirect,
- * emission, environment, albedo. Outputs: radiance, emission, direct, indirect, their diffuse and specular parts, the albedos
- * and residual = radiance - (emission + direct + indirect). A sum that is off by more than Tolerance is a warning. Given only
- * combined, direct = combined and the residual is 0.
+ * Formulas in quellAovSplit.h. Inputs: combined (port 0); optional diffuseDirect, diffuseIndirect, diffuseColor,
+ * glossyDirect, glossyIndirect, glossyColor, transmissionDirect, transmissionIndirect, transmissionColor, volumeDirect,
+ * volumeIndirect, emission, environment, albedo. Outputs: radiance, emission, direct, indirect, their diffuse and
+ * specular parts, the albedos and residual = radiance - (emission + direct + indirect). A sum that is off by more than
+ * Tolerance is a warning. Given only combined, direct = combined and the residual is 0.
  */
 #ifndef vtkQuellAovSplit_h
 #define vtkQuellAovSplit_h

@@ -3,9 +3,9 @@
  * @class   vtkQuellBilateralFilter
  * @brief   bilateral and cross-bilateral filter
  *
- * Weighted mean over (2 Radius + 1)^2 pixels, Gaussian in distance, colour (range) and every connected guide, one exp per tap;
- * formula, border and non-finite rule in quellBilateral.h. Inputs: radiance (port 0); optional depth, normal, albedo,
- * position, id. Outputs: radiance. A sigma of 0 lets only equal values pass, 1e30 removes the term.
+ * Weighted mean over (2 Radius + 1)^2 pixels, Gaussian in distance, colour (range) and every connected guide, one exp
+ * per tap; formula, border and non-finite rule in quellBilateral.h. Inputs: radiance (port 0); optional depth, normal,
+ * albedo, position, id. Outputs: radiance. A sigma of 0 lets only equal values pass, 1e30 removes the term.
  *
  * Colour alone is a poor guide on raw path-traced input, where a firefly resembles only itself: clamp first, filter
  * illumination, connect guides and raise SigmaRange.

@@ -14,10 +14,11 @@ void vtkQuellFireflyClamp::Describe(quell::StageDescription& d)
   using Self = vtkQuellFireflyClamp;
   d.Category = "Denoising";
   d.Brief = "Shortens colours longer than a threshold and keeps what it took in a residual.";
-  d.Details = "Where the Euclidean length of RGB exceeds `Threshold`, the colour is scaled to that length, so its hue stays. "
-              "`radiance + residual` is the input exactly, in every channel. Biased: energy is removed, and reported. "
-              "A non-finite pixel is replaced by the mean of its finite neighbours (0 if there are none), clamped in turn; "
-              "its residual is 0. Source: Bikker, Advanced Graphics, lecture 15, `if dot(E,E) > 25: E = 5 E / |E|`.";
+  d.Details =
+    "Where the Euclidean length of RGB exceeds `Threshold`, the colour is scaled to that length, so its hue stays. "
+    "`radiance + residual` is the input exactly, in every channel. Biased: energy is removed, and reported. "
+    "A non-finite pixel is replaced by the mean of its finite neighbours (0 if there are none), clamped in turn; "
+    "its residual is 0. Source: Bikker, Advanced Graphics, lecture 15, `if dot(E,E) > 25: E = 5 E / |E|`.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the layer");
   d.Output("radiance", quell::ArrayKind::Color, "the layer, no colour longer than Threshold");
   d.Output("residual", quell::ArrayKind::Color, "input minus radiance");
@@ -41,11 +42,13 @@ void vtkQuellFireflyClamp::Execute(quell::StageFrame& frame)
   const quell::Rect region = frame.Region();
   // One ledger per row, added in order: the energies have the same bits for any number of threads.
   std::vector<quell::ClampLedger> rows(region.height());
-  this->ForEachTile({ 0, region.y0, 1, region.y1 }, 16, [&](const quell::Rect& strip) {
-    for (int y = strip.y0; y < strip.y1; ++y)
-      rows[y - region.y0] = quell::FireflyClamp(
-        in, float(this->Threshold), filtered, residual, { region.x0, y, region.x1, y + 1 });
-  });
+  this->ForEachTile({ 0, region.y0, 1, region.y1 }, 16,
+    [&](const quell::Rect& strip)
+    {
+      for (int y = strip.y0; y < strip.y1; ++y)
+        rows[y - region.y0] =
+          quell::FireflyClamp(in, float(this->Threshold), filtered, residual, { region.x0, y, region.x1, y + 1 });
+    });
   quell::ClampLedger sum;
   for (const quell::ClampLedger& row : rows)
     sum += row;

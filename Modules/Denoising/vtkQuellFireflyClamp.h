@@ -4,8 +4,8 @@
  * @brief   shortens colours longer than a threshold and keeps the rest as a ledger
  *
  * |E| > Threshold -> E Threshold / |E|, with |E| the Euclidean length of RGB, see quellFireflyClamp.h. Input: radiance
- * (port 0). Outputs: radiance, residual; radiance + residual is the input, exactly, channel by channel. Biased: it removes
- * energy, and says how much (GetReport).
+ * (port 0). Outputs: radiance, residual; radiance + residual is the input, exactly, channel by channel. Biased: it
+ * removes energy, and says how much (GetReport).
  */
 #ifndef vtkQuellFireflyClamp_h
 #define vtkQuellFireflyClamp_h

@@ -11,9 +11,10 @@ void vtkQuellSum::Describe(quell::StageDescription& d)
 {
   d.Category = "Denoising";
   d.Brief = "Adds layers.";
-  d.Details = "`radiance` is the sum over all connections, in float and in their order, so the rounding is always the same. "
-              "Signed layers are added as they are; a sum beyond the largest float stays there. A non-finite pixel of a "
-              "term is replaced by the mean of its finite neighbours in that term (0 if there are none).";
+  d.Details =
+    "`radiance` is the sum over all connections, in float and in their order, so the rounding is always the same. "
+    "Signed layers are added as they are; a sum beyond the largest float stays there. A non-finite pixel of a "
+    "term is replaced by the mean of its finite neighbours in that term (0 if there are none).";
   d.RepeatableInput("radiance", quell::ArrayKind::Color, "radiance", "a layer; any number of connections");
   d.Output("radiance", quell::ArrayKind::Color, "the sum");
 }

@@ -3,8 +3,9 @@
  * @class   vtkQuellSum
  * @brief   adds layers
  *
- * radiance = the sum over the connections of input radiance, in float and in the order of the connections, so the rounding is
- * always the same; signed layers (a residual) are added as they are. See quellSum.h for overflow and non-finite pixels.
+ * radiance = the sum over the connections of input radiance, in float and in the order of the connections, so the
+ * rounding is always the same; signed layers (a residual) are added as they are. See quellSum.h for overflow and
+ * non-finite pixels.
  */
 #ifndef vtkQuellSum_h
 #define vtkQuellSum_h

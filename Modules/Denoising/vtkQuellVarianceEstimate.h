@@ -3,11 +3,12 @@
  * @class   vtkQuellVarianceEstimate
  * @brief   variance of luminance, over frames where there were enough, else over neighbours
  *
- * SVGF's estimate, formula in quellVariance.h. Inputs: radiance (port 0: accumulated illumination); optional moments (mean,
- * central second moment over frames), length (frames), depth, normal, id. Outputs: variance, radiance.
+ * SVGF's estimate, formula in quellVariance.h. Inputs: radiance (port 0: accumulated illumination); optional moments
+ * (mean, central second moment over frames), length (frames), depth, normal, id. Outputs: variance, radiance.
  *
- * Without moments every pixel is estimated in space (a single frame); without length the moments are trusted everywhere.
- * Output radiance is the input where the history is long enough, else the neighbourhood's mean with the same weights.
+ * Without moments every pixel is estimated in space (a single frame); without length the moments are trusted
+ * everywhere. Output radiance is the input where the history is long enough, else the neighbourhood's mean with the
+ * same weights.
  */
 #ifndef vtkQuellVarianceEstimate_h
 #define vtkQuellVarianceEstimate_h
@@ -21,11 +22,13 @@ class VTKQUELLDENOISING_EXPORT vtkQuellVarianceEstimate : public vtkQuellStage
 public:
   QUELL_STAGE(vtkQuellVarianceEstimate);
 
-  ///@{ Frames from which the moments are used, default 4, range [1, 64]; below, the estimate is raised by this over length.
+  ///@{ Frames from which the moments are used, default 4, range [1, 64]; below, the estimate is raised by this over
+  ///length.
   vtkSetClampMacro(MinimumHistory, int, 1, 64);
   vtkGetMacro(MinimumHistory, int);
   ///@}
-  ///@{ Whose variance: Frame (0), of one frame's pixel as SVGF has it, or Mean (1), of the accumulated pixel: divided by
+  ///@{ Whose variance: Frame (0), of one frame's pixel as SVGF has it, or Mean (1), of the accumulated pixel: divided
+  ///by
   /// min(length, MaximumSamples).
   vtkSetClampMacro(VarianceOf, int, 0, 1);
   vtkGetMacro(VarianceOf, int);

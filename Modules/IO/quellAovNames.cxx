@@ -21,40 +21,35 @@ const std::map<std::string, std::string>& LayerNames()
 /// Pass names of other programs, lower case, letters and digits only.
 const std::map<std::string, std::string>& CommonRoles()
 {
-  static const std::map<std::string, std::string> roles{
-    { "combined", "radiance" }, { "beauty", "radiance" }, { "rgba", "radiance" }, { "rgb", "radiance" },
-    { "color", "radiance" }, { "a", "alpha" }, { "alpha", "alpha" },
-    { "albedo", "albedo" }, { "denoisingalbedo", "albedo" },
-    { "n", "normal" }, { "normal", "normal" }, { "normals", "normal" }, { "shnormal", "normal" }, { "nn", "normal" },
-    { "ng", "normalGeometric" }, { "geonormal", "normalGeometric" },
-    { "denoisingnormal", "denoisingNormal" }, { "denoisingdepth", "denoisingDepth" },
-    { "p", "position" }, { "pos", "position" }, { "position", "position" }, { "worldposition", "position" },
-    { "z", "depth" }, { "depth", "depth" },
+  static const std::map<std::string, std::string> roles{ { "combined", "radiance" }, { "beauty", "radiance" },
+    { "rgba", "radiance" }, { "rgb", "radiance" }, { "color", "radiance" }, { "a", "alpha" }, { "alpha", "alpha" },
+    { "albedo", "albedo" }, { "denoisingalbedo", "albedo" }, { "n", "normal" }, { "normal", "normal" },
+    { "normals", "normal" }, { "shnormal", "normal" }, { "nn", "normal" }, { "ng", "normalGeometric" },
+    { "geonormal", "normalGeometric" }, { "denoisingnormal", "denoisingNormal" },
+    { "denoisingdepth", "denoisingDepth" }, { "p", "position" }, { "pos", "position" }, { "position", "position" },
+    { "worldposition", "position" }, { "z", "depth" }, { "depth", "depth" },
     // Whose sign and unit? Only Quell's own files and Blender's are known.
-    { "motion", "foreignMotion" },
-    { "id", "id" }, { "indexob", "id" }, { "objectid", "id" }, { "shapeindex", "id" },
-    { "material", "material" }, { "indexma", "material" }, { "materialid", "material" },
-    { "emission", "emission" }, { "emit", "emission" }, { "background", "environment" }, { "env", "environment" },
-    { "environment", "environment" }, { "direct", "direct" }, { "indirect", "indirect" },
-    { "diffusedirect", "directDiffuse" }, { "diffuseindirect", "indirectDiffuse" }, { "diffusealbedo", "albedoDiffuse" },
+    { "motion", "foreignMotion" }, { "id", "id" }, { "indexob", "id" }, { "objectid", "id" }, { "shapeindex", "id" },
+    { "material", "material" }, { "indexma", "material" }, { "materialid", "material" }, { "emission", "emission" },
+    { "emit", "emission" }, { "background", "environment" }, { "env", "environment" }, { "environment", "environment" },
+    { "direct", "direct" }, { "indirect", "indirect" }, { "diffusedirect", "directDiffuse" },
+    { "diffuseindirect", "indirectDiffuse" }, { "diffusealbedo", "albedoDiffuse" },
     { "speculardirect", "directSpecular" }, { "specularindirect", "indirectSpecular" },
-    { "specularalbedo", "albedoSpecular" }, { "roughness", "roughness" }, { "uv", "uv" }
-  };
+    { "specularalbedo", "albedoSpecular" }, { "roughness", "roughness" }, { "uv", "uv" } };
   return roles;
 }
 
 /// Cycles' light passes hold light before the colour pass multiplies it, so they must not take the names of our layers.
 const std::map<std::string, std::string>& BlenderRoles()
 {
-  static const std::map<std::string, std::string> roles{
-    { "diffdir", "diffuseDirect" }, { "diffind", "diffuseIndirect" }, { "diffcol", "diffuseColor" },
-    { "glossdir", "glossyDirect" }, { "glossind", "glossyIndirect" }, { "glosscol", "glossyColor" },
-    { "transdir", "transmissionDirect" }, { "transind", "transmissionIndirect" }, { "transcol", "transmissionColor" },
+  static const std::map<std::string, std::string> roles{ { "diffdir", "diffuseDirect" },
+    { "diffind", "diffuseIndirect" }, { "diffcol", "diffuseColor" }, { "glossdir", "glossyDirect" },
+    { "glossind", "glossyIndirect" }, { "glosscol", "glossyColor" }, { "transdir", "transmissionDirect" },
+    { "transind", "transmissionIndirect" }, { "transcol", "transmissionColor" },
     { "subsurfacedir", "subsurfaceDirect" }, { "subsurfaceind", "subsurfaceIndirect" },
     { "subsurfacecol", "subsurfaceColor" }, { "volumedir", "volumeDirect" }, { "volumeind", "volumeIndirect" },
     { "ao", "ambientOcclusion" }, { "shadow", "shadow" }, { "mist", "mist" }, { "vector", "motion" },
-    { "noisyimage", "noisy" }, { "debugsamplecount", "samples" }
-  };
+    { "noisyimage", "noisy" }, { "debugsamplecount", "samples" } };
   return roles;
 }
 
@@ -100,9 +95,9 @@ std::string LastPart(const std::string& path)
 struct Group
 {
   int Part = 0;
-  std::string Path;  ///< the layer; empty for plain R G B or Y
+  std::string Path; ///< the layer; empty for plain R G B or Y
   bool Colour = false;
-  bool Distance = false;  ///< suffix T: along the ray, not along the view axis
+  bool Distance = false; ///< suffix T: along the ray, not along the view axis
   std::vector<int> Channels;
   int Alpha = -1;
 };
@@ -128,14 +123,16 @@ std::vector<Group> GroupChannels(const std::vector<FilePart>& parts)
     {
       std::vector<int> rest = layers[layer];
       const bool alone = rest.size() == 1;
-      auto suffix = [&](int c) {
+      auto suffix = [&](int c)
+      {
         const std::string s = layer.empty() ? file.Channels[c] : file.Channels[c].substr(layer.size() + 1);
         std::string upper;
         for (unsigned char ch : s)
           upper += char(std::toupper(ch));
         return layer.empty() ? s : upper;
       };
-      auto take = [&](const char* s) {
+      auto take = [&](const char* s)
+      {
         const auto found = std::find_if(rest.begin(), rest.end(), [&](int c) { return suffix(c) == s; });
         if (found == rest.end())
           return -1;
@@ -143,16 +140,17 @@ std::vector<Group> GroupChannels(const std::vector<FilePart>& parts)
         rest.erase(found);
         return c;
       };
-      auto count = [&](const std::vector<const char*>& set) {
-        return std::count_if(set.begin(), set.end(), [&](const char* s) {
-          return std::any_of(rest.begin(), rest.end(), [&](int c) { return suffix(c) == s; });
-        });
+      auto count = [&](const std::vector<const char*>& set)
+      {
+        return std::count_if(set.begin(), set.end(),
+          [&](const char* s) { return std::any_of(rest.begin(), rest.end(), [&](int c) { return suffix(c) == s; }); });
       };
       std::string prefix;
       if (parts.size() > 1 && !file.Name.empty() && layer.compare(0, file.Name.size(), file.Name) != 0)
         prefix = file.Name;
       const std::string path = prefix.empty() ? layer : layer.empty() ? prefix : prefix + "." + layer;
-      auto add = [&](const std::string& where, std::vector<int> channels, bool colour) -> Group& {
+      auto add = [&](const std::string& where, std::vector<int> channels, bool colour) -> Group&
+      {
         Group g;
         g.Part = part;
         g.Path = where;
@@ -210,8 +208,7 @@ std::vector<Group> GroupChannels(const std::vector<FilePart>& parts)
   }
   // Plain channels get their names first; Blender's "Composite" layer is a processed copy, so it comes last.
   auto rank = [](const Group& g) { return g.Path.empty() ? 0 : g.Path.compare(0, 10, "Composite.") == 0 ? 2 : 1; };
-  std::stable_sort(
-    groups.begin(), groups.end(), [&](const Group& a, const Group& b) { return rank(a) < rank(b); });
+  std::stable_sort(groups.begin(), groups.end(), [&](const Group& a, const Group& b) { return rank(a) < rank(b); });
   return groups;
 }
 
@@ -224,7 +221,8 @@ std::string RoleOf(const Group& g, ChannelDialect dialect)
   if (pass == "variance" || pass == "relativevariance")
     return g.Channels.size() == 3 ? (pass == "variance" ? "varianceColor" : "relativeVarianceColor")
                                   : (pass == "variance" ? "variance" : "relativeVariance");
-  const auto find = [&](const std::map<std::string, std::string>& roles) {
+  const auto find = [&](const std::map<std::string, std::string>& roles)
+  {
     const auto found = roles.find(pass);
     return found == roles.end() ? std::string() : found->second;
   };
@@ -248,7 +246,7 @@ std::vector<std::string> ChannelNames(const std::string& layer, ArrayKind kind, 
   if (components == 1)
     return { layer.empty() ? std::string("Y") : layer };
   const bool vector = kind == ArrayKind::Normal || kind == ArrayKind::Position || kind == ArrayKind::Motion ||
-    kind == ArrayKind::Moments || components == 2;
+                      kind == ArrayKind::Moments || components == 2;
   std::vector<std::string> names;
   for (int c = 0; c < std::min(components, 4); ++c)
     names.push_back((layer.empty() ? "" : layer + ".") + std::string(1, (vector ? "XYZW" : "RGBA")[c]));
@@ -260,7 +258,8 @@ std::vector<NamedChannels> NameArrays(const std::vector<FilePart>& parts, Channe
 {
   std::vector<NamedChannels> out;
   std::set<std::string> taken;
-  const auto unique = [&](std::string name, const std::string& path) {
+  const auto unique = [&](std::string name, const std::string& path)
+  {
     if (taken.count(name))
       name = Sanitised(path);
     for (int n = 2; taken.count(name); ++n)
@@ -323,7 +322,7 @@ std::vector<NamedChannels> NameArrays(const std::vector<FilePart>& parts, Channe
     if (known)
       array.Kind = known->Kind;
     if (recorded != kinds.end() &&
-      (KindComponents(recorded->second) == int(array.Channels.size()) || !KindComponents(recorded->second)))
+        (KindComponents(recorded->second) == int(array.Channels.size()) || !KindComponents(recorded->second)))
       array.Kind = recorded->second;
     if (name == "denoisingNormal" && array.Channels.size() == 3)
       array.Kind = ArrayKind::Normal;

@@ -38,7 +38,8 @@ constexpr std::int64_t MaximumPixels = std::int64_t(1) << 27;
 /// No codec here packs more than this many bytes of pixels into one byte of file; small files may declare a little.
 constexpr std::int64_t MaximumRatio = 16384, FreeBytes = std::int64_t(256) << 20;
 
-[[noreturn]] void Refuse(const char* doing, const std::string& path, const std::string& cause, const std::string& remedy)
+[[noreturn]] void Refuse(
+  const char* doing, const std::string& path, const std::string& cause, const std::string& remedy)
 {
   std::string text = std::string("cannot ") + doing + " \"" + path + "\": " + cause;
   if (!remedy.empty())
@@ -57,8 +58,8 @@ std::string OneLine(std::string text)
   return text.empty() ? "the file is damaged" : text;
 }
 
-/// OpenImageIO picks its plug-in by extension and then tries all of them. Version 2.4's readers of BMP, Targa, TIFF, PSD and
-/// more end the process on damaged files, so the first bytes decide here, among formats that hold.
+/// OpenImageIO picks its plug-in by extension and then tries all of them. Version 2.4's readers of BMP, Targa, TIFF,
+/// PSD and more end the process on damaged files, so the first bytes decide here, among formats that hold.
 std::string SniffFormat(const std::string& path)
 {
   std::error_code ec;
@@ -86,10 +87,10 @@ std::string SniffFormat(const std::string& path)
   if (starts("#?", 2))
     return "hdr";
   if (n > 2 && head[0] == 'P' && (std::strchr("123456", head[1]) || head[1] == 'F' || head[1] == 'f') &&
-    std::isspace(static_cast<unsigned char>(head[2])))
+      std::isspace(static_cast<unsigned char>(head[2])))
     return "pnm";
-  Refuse("read", path, "this is no image format that Quell reads",
-    "convert it to OpenEXR (also read: HDR, PNG, JPEG, PNM)");
+  Refuse(
+    "read", path, "this is no image format that Quell reads", "convert it to OpenEXR (also read: HDR, PNG, JPEG, PNM)");
 }
 
 std::uint32_t BigEndian(const std::string& b, size_t at, int bytes)
@@ -126,8 +127,7 @@ void CheckJpeg(const std::string& path)
     if (!body.empty() && !in.read(&body[0], std::streamsize(body.size())))
       Refuse("read", path, "it ends inside its header", damaged);
     const bool frame = marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-    if (frame && (body.size() < 6 ||
-        std::int64_t(BigEndian(body, 1, 2)) * BigEndian(body, 3, 2) > MaximumPixels))
+    if (frame && (body.size() < 6 || std::int64_t(BigEndian(body, 1, 2)) * BigEndian(body, 3, 2) > MaximumPixels))
       Refuse("read", path, "its header declares more than " + std::to_string(MaximumPixels) + " pixels", damaged);
     if (marker == 0xe2 && body.size() > 14 && body.compare(0, 12, "ICC_PROFILE", 12) == 0)
       profile += body.substr(14);
@@ -215,8 +215,8 @@ bool ParseInteger(const std::string& text, T& out)
   return true;
 }
 
-/// The standard attributes have Imath's layout (row vectors), a left-handed camera that looks along +z, and a raster whose
-/// origin is the top left corner.
+/// The standard attributes have Imath's layout (row vectors), a left-handed camera that looks along +z, and a raster
+/// whose origin is the top left corner.
 Mat4 ToFileCamera(const Mat4& m)
 {
   Mat4 out;
@@ -237,13 +237,12 @@ Mat4 ToFileNdc(const Mat4& m)
   }
   return out;
 }
-/// pbrt writes the same matrices transposed, and its raster's y points up. An affine camera matrix tells which: 0 0 0 1 is its last column (Imath's
-/// layout) or its last row.
+/// pbrt writes the same matrices transposed, and its raster's y points up. An affine camera matrix tells which: 0 0 0 1
+/// is its last column (Imath's layout) or its last row.
 bool IsTransposed(const float* camera)
 {
-  const auto affine = [&](int stride, int start) {
-    return camera[start] == 0 && camera[start + stride] == 0 && camera[start + 2 * stride] == 0;
-  };
+  const auto affine = [&](int stride, int start)
+  { return camera[start] == 0 && camera[start + stride] == 0 && camera[start + 2 * stride] == 0; };
   const bool lastColumn = affine(4, 3), lastRow = affine(1, 12);
   return lastRow && !lastColumn;
 }
@@ -291,7 +290,7 @@ struct OpenFile
   std::vector<OpenPart> Parts;
   std::vector<NamedChannels> Arrays;
   ReadReport Report;
-  Rect Display;  ///< in the file's raster, y down
+  Rect Display; ///< in the file's raster, y down
 };
 
 std::string LibraryError(OIIO::ImageInput* input)
@@ -311,7 +310,8 @@ std::int64_t FileBytes(const std::string& path)
 FrameFacts FactsOf(const OIIO::ImageSpec& spec, const std::map<std::string, std::string>& entries)
 {
   FrameFacts facts;
-  const auto find = [&](const char* name) {
+  const auto find = [&](const char* name)
+  {
     const auto found = entries.find(name);
     return found == entries.end() ? std::string() : found->second;
   };
@@ -379,7 +379,7 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
     const std::int64_t pixels = std::int64_t(spec.width) * spec.height;
     const std::int64_t whole = std::int64_t(spec.full_width) * spec.full_height;
     const std::string size = std::to_string(spec.width) + " x " + std::to_string(spec.height) + " pixels in " +
-      std::to_string(spec.nchannels) + " channels";
+                             std::to_string(spec.nchannels) + " channels";
     if (pixels > MaximumPixels || whole > MaximumPixels)
       Refuse("read", path,
         "its header declares " + size + " (frame " + std::to_string(spec.full_width) + " x " +
@@ -389,8 +389,10 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
       Refuse("read", path, "its header declares " + size + " but the file holds " + std::to_string(bytes) + " bytes",
         "the file is damaged: write it again");
     if (spec.tile_width > 0 && (spec.tile_width > 16384 || spec.tile_height > 16384))
-      Refuse("read", path, "its header declares tiles of " + std::to_string(spec.tile_width) + " x " +
-          std::to_string(spec.tile_height) + " pixels", "the file is damaged: write it again");
+      Refuse("read", path,
+        "its header declares tiles of " + std::to_string(spec.tile_width) + " x " + std::to_string(spec.tile_height) +
+          " pixels",
+        "the file is damaged: write it again");
     const Rect display{ spec.full_x, spec.full_y, spec.full_x + spec.full_width, spec.full_y + spec.full_height };
     if (!file.Parts.empty() && display != file.Display)
     {
@@ -418,7 +420,8 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
   if (file.Parts.empty())
   {
     if (deep)
-      Refuse("read", path, "it holds deep samples (several per pixel)", "flatten it first, e.g. oiiotool IN --flatten -o OUT");
+      Refuse("read", path, "it holds deep samples (several per pixel)",
+        "flatten it first, e.g. oiiotool IN --flatten -o OUT");
     Refuse("read", path, LibraryError(file.Input.get()), "the file is damaged: write it again");
   }
   if (deep)
@@ -439,9 +442,8 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
       report.Attributes[name] = attribute.get_string();
   }
   ChannelDialect dialect = ChannelDialect::Other;
-  const auto has = [&](const char* channel) {
-    return std::find(names[0].Channels.begin(), names[0].Channels.end(), channel) != names[0].Channels.end();
-  };
+  const auto has = [&](const char* channel)
+  { return std::find(names[0].Channels.begin(), names[0].Channels.end(), channel) != names[0].Channels.end(); };
   if (report.Metadata.count("format"))
   {
     dialect = ChannelDialect::Quell;
@@ -470,13 +472,14 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
     entry.Kind = array.Kind;
     const OIIO::ImageSpec& part = file.Parts[array.Part].Spec;
     for (int c : array.Channels)
-      entry.Channels.push_back(c < int(part.channelnames.size()) ? part.channelnames[c] : names[array.Part].Channels[c]);
+      entry.Channels.push_back(
+        c < int(part.channelnames.size()) ? part.channelnames[c] : names[array.Part].Channels[c]);
     entry.Type = part.channelformat(array.Channels[0]).c_str();
     report.Arrays.push_back(entry);
   }
   report.Facts = FactsOf(first, report.Metadata);
-  for (const char* internal : { "format", "layers", "worldToCamera", "worldToNdc", "origin", "tick", "time", "seed",
-         "samplesPerPixel", "scene" })
+  for (const char* internal :
+    { "format", "layers", "worldToCamera", "worldToNdc", "origin", "tick", "time", "seed", "samplesPerPixel", "scene" })
     report.Metadata.erase(internal);
   const auto chromaticities = report.Attributes.find("chromaticities");
   if (chromaticities != report.Attributes.end() && dialect != ChannelDialect::Quell)
@@ -516,7 +519,7 @@ vtkSmartPointer<vtkFloatArray> NewArray(vtkImageData* image, const std::string& 
 struct Target
 {
   int Channel = 0;
-  float* Data = nullptr;  ///< component of the array's first pixel
+  float* Data = nullptr; ///< component of the array's first pixel
   int Components = 0;
 };
 
@@ -552,10 +555,10 @@ void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, c
   for (int y = block.y0; y < wanted.y1; y += step)
   {
     const Rect now{ block.x0, y, block.x1, std::min(y + step, spec.y + spec.height) };
-    const bool ok = tiled ? file.Input->read_tiles(part.Subimage, 0, now.x0, now.x1, now.y0, now.y1, 0, 1, lo, hi, type,
-                              buffer.data())
-                          : file.Input->read_scanlines(
-                              part.Subimage, 0, now.y0, now.y1, 0, lo, hi, type, buffer.data());
+    const bool ok =
+      tiled
+        ? file.Input->read_tiles(part.Subimage, 0, now.x0, now.x1, now.y0, now.y1, 0, 1, lo, hi, type, buffer.data())
+        : file.Input->read_scanlines(part.Subimage, 0, now.y0, now.y1, 0, lo, hi, type, buffer.data());
     if (!ok)
       Refuse("read", path, LibraryError(file.Input.get()), "the file is damaged or was cut off: write it again");
     give(buffer.data(), now);
@@ -567,8 +570,10 @@ void ReadArrays(const std::string& path, OpenFile& file, const ReadOptions& opti
   const Rect whole{ 0, 0, file.Report.Width, file.Report.Height };
   const Rect region = options.Region.empty() ? whole : options.Region;
   if (!whole.contains(region))
-    Refuse("read", path, "the region lies outside the frame of " + std::to_string(whole.width()) + " x " +
-        std::to_string(whole.height()) + " pixels", "choose a region inside");
+    Refuse("read", path,
+      "the region lies outside the frame of " + std::to_string(whole.width()) + " x " + std::to_string(whole.height()) +
+        " pixels",
+      "choose a region inside");
   image->SetExtent(region.x0, region.x1 - 1, region.y0, region.y1 - 1, 0, 0);
 
   std::vector<const NamedChannels*> wanted;
@@ -580,7 +585,8 @@ void ReadArrays(const std::string& path, OpenFile& file, const ReadOptions& opti
       components += std::int64_t(array.Channels.size());
     }
   if (components * 4 * region.area() > options.MaximumBytes)
-    Refuse("read", path, "the arrays asked for need " + std::to_string(components * 4 * region.area() >> 20) +
+    Refuse("read", path,
+      "the arrays asked for need " + std::to_string(components * 4 * region.area() >> 20) +
         " MiB, more than the limit of " + std::to_string(options.MaximumBytes >> 20) + " MiB",
       "ask for fewer arrays or a smaller region");
 
@@ -621,7 +627,8 @@ void ReadArrays(const std::string& path, OpenFile& file, const ReadOptions& opti
       const bool isFloat = r == 0 && !floats.empty();
       const int lo = runs[r].first, n = runs[r].second - lo;
       ReadBlocks(path, file, part, inside, lo, lo + n, isFloat ? OIIO::TypeFloat : OIIO::TypeUInt32,
-        [&](const void* block, const Rect& at) {
+        [&](const void* block, const Rect& at)
+        {
           const Rect copy = at.clipped(inside);
           for (const Target& t : entry.second)
           {
@@ -657,7 +664,7 @@ void ReadArrays(const std::string& path, OpenFile& file, const ReadOptions& opti
 
   const bool integerFile = !exr && file.Parts[0].Spec.format.is_floating_point() == false;
   const bool decode = options.Transfer == FileTransfer::Srgb ||
-    (options.Transfer == FileTransfer::Automatic && integerFile && file.Report.Format != "hdr");
+                      (options.Transfer == FileTransfer::Automatic && integerFile && file.Report.Format != "hdr");
   for (const NamedChannels* array : wanted)
   {
     auto data = vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(array->Array.c_str()));
@@ -696,28 +703,31 @@ ReadReport ReadImageHeader(const std::string& path, const ReadOptions& options)
 
 vtkSmartPointer<vtkImageData> ReadImageFile(const std::string& path, ReadReport* report, const ReadOptions& options)
 {
-  return Guarded("read", path, [&] {
-    OpenFile file = Open(path, options);
-    for (const std::string& name : options.Arrays)
-      if (std::none_of(file.Arrays.begin(), file.Arrays.end(), [&](const NamedChannels& a) { return a.Array == name; }))
-      {
-        std::vector<std::string> names;
-        std::string list;
-        for (const NamedChannels& a : file.Arrays)
+  return Guarded("read", path,
+    [&]
+    {
+      OpenFile file = Open(path, options);
+      for (const std::string& name : options.Arrays)
+        if (std::none_of(
+              file.Arrays.begin(), file.Arrays.end(), [&](const NamedChannels& a) { return a.Array == name; }))
         {
-          names.push_back(a.Array);
-          list += (list.empty() ? "" : ", ") + a.Array;
+          std::vector<std::string> names;
+          std::string list;
+          for (const NamedChannels& a : file.Arrays)
+          {
+            names.push_back(a.Array);
+            list += (list.empty() ? "" : ", ") + a.Array;
+          }
+          const std::string near = NearestName(name, names);
+          Refuse("read", path, "it has no array \"" + name + "\"",
+            (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "It holds " + list);
         }
-        const std::string near = NearestName(name, names);
-        Refuse("read", path, "it has no array \"" + name + "\"",
-          (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "It holds " + list);
-      }
-    auto image = vtkSmartPointer<vtkImageData>::New();
-    ReadArrays(path, file, options, image);
-    if (report)
-      *report = file.Report;
-    return image;
-  });
+      auto image = vtkSmartPointer<vtkImageData>::New();
+      ReadArrays(path, file, options, image);
+      if (report)
+        *report = file.Report;
+      return image;
+    });
 }
 
 std::string SequencePath(const std::string& pattern, int tick)
@@ -753,7 +763,8 @@ std::string SequenceSample(const std::string& pattern, int tick)
       --at;
     int number = 0;
     const auto parsed = std::from_chars(name.data() + at, name.data() + name.size(), number);
-    if (parsed.ec == std::errc() && number >= 0 && (lowest < 0 || number < lowest) && SequencePath(pattern, number) == name)
+    if (parsed.ec == std::errc() && number >= 0 && (lowest < 0 || number < lowest) &&
+        SequencePath(pattern, number) == name)
       lowest = number;
   }
   return lowest < 0 ? wanted : SequencePath(pattern, int(lowest));
@@ -781,8 +792,8 @@ public:
   {
     static std::atomic<unsigned> counter{ 0 };
     const fs::path p(target);
-    this->Path = (p.parent_path() /
-      ("." + p.filename().string() + "." + std::to_string(getpid()) + "-" + std::to_string(counter++) + ".part"))
+    this->Path = (p.parent_path() / ("." + p.filename().string() + "." + std::to_string(getpid()) + "-" +
+                                      std::to_string(counter++) + ".part"))
                    .string();
   }
   ~TemporaryFile()
@@ -824,8 +835,8 @@ bool MayBeHalf(ArrayKind kind)
   }
 }
 
-std::vector<OutLayer> PrepareLayers(const std::string& path, vtkImageData* image, std::vector<LayerSpec> layers,
-  const Rect& region, bool half)
+std::vector<OutLayer> PrepareLayers(
+  const std::string& path, vtkImageData* image, std::vector<LayerSpec> layers, const Rect& region, bool half)
 {
   if (layers.empty())
   {
@@ -845,11 +856,12 @@ std::vector<OutLayer> PrepareLayers(const std::string& path, vtkImageData* image
     vtkDataArray* any = source ? source->GetPointData()->GetArray(spec.Array.c_str()) : nullptr;
     vtkFloatArray* array = vtkFloatArray::SafeDownCast(any);
     if (!array)
-      Refuse("write", path, any ? "the array \"" + spec.Array + "\" is not float" : "there is no array \"" + spec.Array + "\"",
-        "");
+      Refuse("write", path,
+        any ? "the array \"" + spec.Array + "\" is not float" : "there is no array \"" + spec.Array + "\"", "");
     const int n = array->GetNumberOfComponents();
     if (n < 1 || n > 4)
-      Refuse("write", path, "the array \"" + spec.Array + "\" has " + std::to_string(n) + " components, not 1 to 4", "");
+      Refuse(
+        "write", path, "the array \"" + spec.Array + "\" has " + std::to_string(n) + " components, not 1 to 4", "");
     int e[6];
     source->GetExtent(e);
     OutLayer layer;
@@ -874,7 +886,8 @@ std::vector<OutLayer> PrepareLayers(const std::string& path, vtkImageData* image
     plainTaken = plainTaken || (colour && layer.Layer.empty());
     for (char c : layer.Layer)
       if (!std::isalnum(static_cast<unsigned char>(c)) && !std::strchr("_.-", c))
-        Refuse("write", path, "the layer name \"" + layer.Layer + "\" has a character other than letters, digits, _ . -",
+        Refuse("write", path,
+          "the layer name \"" + layer.Layer + "\" has a character other than letters, digits, _ . -",
           "choose another name");
     layer.Channels = ChannelNames(layer.Layer, layer.Kind, n);
     for (const std::string& channel : layer.Channels)
@@ -924,8 +937,8 @@ void WriteExr(const std::string& path, const std::string& temporary, const std::
   bool anyHalf = false, allHalf = true;
   for (const OutLayer& layer : layers)
   {
-    kinds += (kinds.empty() ? "" : " ") + (layer.Layer.empty() ? std::string("-") : layer.Layer) + "=" +
-      KindName(layer.Kind);
+    kinds +=
+      (kinds.empty() ? "" : " ") + (layer.Layer.empty() ? std::string("-") : layer.Layer) + "=" + KindName(layer.Kind);
     for (const std::string& channel : layer.Channels)
     {
       spec.channelnames.push_back(channel);
@@ -973,31 +986,33 @@ void WriteExr(const std::string& path, const std::string& temporary, const std::
   if (!output->open(temporary, spec))
     Refuse("write", path, OneLine(output->geterror()), "check that the directory can be written to");
   std::vector<std::int64_t> clamped(layers.size(), 0);
-  SendRows(path, *output, spec, region, [&](int y, float* row) {
-    int first = 0;
-    for (size_t l = 0; l < layers.size(); ++l)
+  SendRows(path, *output, spec, region,
+    [&](int y, float* row)
     {
-      const OutLayer& layer = layers[l];
-      const int n = layer.View.components;
-      const float* in = layer.View.at(region.x0, y);
-      float* out = row + first;
-      for (int x = 0; x < region.width(); ++x, in += n, out += spec.nchannels)
+      int first = 0;
+      for (size_t l = 0; l < layers.size(); ++l)
       {
-        for (int c = 0; c < n; ++c)
-          out[c] = in[c];
-        if (layer.Kind == ArrayKind::Motion && n > 1)
-          out[1] = -out[1];
-        if (layer.AsHalf)
+        const OutLayer& layer = layers[l];
+        const int n = layer.View.components;
+        const float* in = layer.View.at(region.x0, y);
+        float* out = row + first;
+        for (int x = 0; x < region.width(); ++x, in += n, out += spec.nchannels)
+        {
           for (int c = 0; c < n; ++c)
-            if (std::isfinite(out[c]) && std::fabs(out[c]) > MaximumHalf)
-            {
-              out[c] = std::copysign(MaximumHalf, out[c]);
-              ++clamped[l];
-            }
+            out[c] = in[c];
+          if (layer.Kind == ArrayKind::Motion && n > 1)
+            out[1] = -out[1];
+          if (layer.AsHalf)
+            for (int c = 0; c < n; ++c)
+              if (std::isfinite(out[c]) && std::fabs(out[c]) > MaximumHalf)
+              {
+                out[c] = std::copysign(MaximumHalf, out[c]);
+                ++clamped[l];
+              }
+        }
+        first += n;
       }
-      first += n;
-    }
-  });
+    });
   if (!output->close())
     Refuse("write", path, OneLine(output->geterror()), "is the disk full?");
   for (size_t l = 0; l < layers.size(); ++l)
@@ -1005,7 +1020,7 @@ void WriteExr(const std::string& path, const std::string& temporary, const std::
     {
       report.Clamped += clamped[l];
       report.Warnings.push_back("\"" + path + "\": " + std::to_string(clamped[l]) + " values of \"" + layers[l].Name +
-        "\" beyond 65504 were clamped for half precision");
+                                "\" beyond 65504 were clamped for half precision");
     }
 }
 
@@ -1017,13 +1032,16 @@ void WriteOther(const std::string& path, const std::string& temporary, const std
   if (layers.size() == 2 && layers[1].View.components == 1 && layers[1].Name == "alpha")
     alpha = &layers[1];
   if (layers.size() > (alpha ? 2u : 1u))
-    Refuse("write", path, "a " + extension + " file holds one colour layer, but " + std::to_string(layers.size()) +
-        " are connected", "write .exr, or one file per layer");
+    Refuse("write", path,
+      "a " + extension + " file holds one colour layer, but " + std::to_string(layers.size()) + " are connected",
+      "write .exr, or one file per layer");
   const bool linear = extension == ".hdr" || extension == ".pfm";
   const int n = linear ? 3 : colour->View.components;
   if (colour->View.components == 2 || (linear && colour->View.components > 3))
-    Refuse("write", path, "the array \"" + colour->Name + "\" has " + std::to_string(colour->View.components) +
-        " components, which a " + extension + " file cannot hold", "write .exr");
+    Refuse("write", path,
+      "the array \"" + colour->Name + "\" has " + std::to_string(colour->View.components) + " components, which a " +
+        extension + " file cannot hold",
+      "write .exr");
   if (extension != ".png" && extension != ".tif" && extension != ".tiff" && extension != ".tga")
     alpha = nullptr;
   const int channels = n + (alpha ? 1 : 0);
@@ -1043,33 +1061,35 @@ void WriteOther(const std::string& path, const std::string& temporary, const std
   if (!output->open(temporary, spec))
     Refuse("write", path, OneLine(output->geterror()), "check that the directory can be written to");
   const bool encoded = colour->Kind == ArrayKind::Display;
-  SendRows(path, *output, spec, region, [&](int y, float* row) {
-    const float* in = colour->View.at(region.x0, y);
-    for (int x = 0; x < region.width(); ++x, in += colour->View.components, row += channels)
+  SendRows(path, *output, spec, region,
+    [&](int y, float* row)
     {
-      for (int c = 0; c < n; ++c)
+      const float* in = colour->View.at(region.x0, y);
+      for (int x = 0; x < region.width(); ++x, in += colour->View.components, row += channels)
       {
-        float v = in[colour->View.components == 1 ? 0 : c];
-        if (!linear)
+        for (int c = 0; c < n; ++c)
         {
-          if (!std::isfinite(v))
+          float v = in[colour->View.components == 1 ? 0 : c];
+          if (!linear)
           {
-            ++report.NonFinite;
-            v = 0;
+            if (!std::isfinite(v))
+            {
+              ++report.NonFinite;
+              v = 0;
+            }
+            v = std::min(1.f, std::max(0.f, v));
+            // Quantised here, so that rounding does not depend on the library: to the nearest of 255 steps.
+            v = std::floor((encoded ? v : EncodeSrgb(v)) * 255.f + 0.5f) / 255.f;
           }
-          v = std::min(1.f, std::max(0.f, v));
-          // Quantised here, so that rounding does not depend on the library: to the nearest of 255 steps.
-          v = std::floor((encoded ? v : EncodeSrgb(v)) * 255.f + 0.5f) / 255.f;
+          row[c] = v;
         }
-        row[c] = v;
+        if (alpha)
+        {
+          const float a = alpha->View.at(region.x0 + x, y)[0];
+          row[n] = std::isfinite(a) ? std::floor(std::min(1.f, std::max(0.f, a)) * 255.f + 0.5f) / 255.f : 0.f;
+        }
       }
-      if (alpha)
-      {
-        const float a = alpha->View.at(region.x0 + x, y)[0];
-        row[n] = std::isfinite(a) ? std::floor(std::min(1.f, std::max(0.f, a)) * 255.f + 0.5f) / 255.f : 0.f;
-      }
-    }
-  });
+    });
   if (!output->close())
     Refuse("write", path, OneLine(output->geterror()), "is the disk full?");
   if (report.NonFinite)
@@ -1087,7 +1107,8 @@ std::string KnownExtension(const std::string& path)
     c = char(std::tolower(static_cast<unsigned char>(c)));
   static const std::set<std::string> known{ ".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".hdr" };
   if (!known.count(extension))
-    Refuse("write", path, extension.empty() ? "the name has no extension" : "\"" + extension + "\" is not a known format",
+    Refuse("write", path,
+      extension.empty() ? "the name has no extension" : "\"" + extension + "\" is not a known format",
       "end it in .exr (or .png, .jpg, .tif, .bmp, .tga, .hdr)");
   return extension;
 }
@@ -1114,41 +1135,46 @@ void CheckWritable(const std::string& path)
 void WriteImageFile(const std::string& path, vtkImageData* image, const std::vector<LayerSpec>& layers,
   const WriteOptions& options, WriteReport* report)
 {
-  Guarded("write", path, [&] {
-    if (path.empty())
-      throw StageError("no file name given to write to; set File");
-    vtkImageData* first = image ? image : layers.empty() ? nullptr : layers[0].Image;
-    if (!first)
-      Refuse("write", path, "there is no image", "");
-    int e[6];
-    first->GetExtent(e);
-    const Rect extent{ e[0], e[2], e[1] + 1, e[3] + 1 };
-    const Rect region = options.Region.empty() ? extent : options.Region;
-    const int width = options.Width > 0 ? options.Width : extent.x1;
-    const int height = options.Height > 0 ? options.Height : extent.y1;
-    if (region.empty() || e[4] != e[5])
-      Refuse("write", path, "the image is empty or has several slices", "");
-    if (!Rect{ 0, 0, width, height }.contains(region))
-      Refuse("write", path, "the region lies outside the frame", "");
-    const std::string extension = KnownExtension(path);
-    const std::vector<OutLayer> ready = PrepareLayers(path, first, layers, region, options.Half);
-    const fs::path parent = fs::path(path).parent_path();
-    if (!parent.empty())
+  Guarded("write", path,
+    [&]
     {
-      std::error_code ec;
-      fs::create_directories(parent, ec);
-      if (ec || !fs::is_directory(parent))
-        Refuse("write", path, "the directory \"" + parent.string() + "\" cannot be made: " +
-            (ec ? ec.message() : std::string("a file has its name")), "choose another place");
-    }
-    WriteReport local;
-    WriteReport& done = report ? *report : local;
-    TemporaryFile temporary(path);
-    if (extension == ".exr")
-      WriteExr(path, temporary.Path, ready, FrameFacts::Read(first->GetFieldData()), region, width, height, options, done);
-    else
-      WriteOther(path, temporary.Path, extension, ready, region, done);
-    temporary.Rename();
-  });
+      if (path.empty())
+        throw StageError("no file name given to write to; set File");
+      vtkImageData* first = image ? image : layers.empty() ? nullptr : layers[0].Image;
+      if (!first)
+        Refuse("write", path, "there is no image", "");
+      int e[6];
+      first->GetExtent(e);
+      const Rect extent{ e[0], e[2], e[1] + 1, e[3] + 1 };
+      const Rect region = options.Region.empty() ? extent : options.Region;
+      const int width = options.Width > 0 ? options.Width : extent.x1;
+      const int height = options.Height > 0 ? options.Height : extent.y1;
+      if (region.empty() || e[4] != e[5])
+        Refuse("write", path, "the image is empty or has several slices", "");
+      if (!Rect{ 0, 0, width, height }.contains(region))
+        Refuse("write", path, "the region lies outside the frame", "");
+      const std::string extension = KnownExtension(path);
+      const std::vector<OutLayer> ready = PrepareLayers(path, first, layers, region, options.Half);
+      const fs::path parent = fs::path(path).parent_path();
+      if (!parent.empty())
+      {
+        std::error_code ec;
+        fs::create_directories(parent, ec);
+        if (ec || !fs::is_directory(parent))
+          Refuse("write", path,
+            "the directory \"" + parent.string() +
+              "\" cannot be made: " + (ec ? ec.message() : std::string("a file has its name")),
+            "choose another place");
+      }
+      WriteReport local;
+      WriteReport& done = report ? *report : local;
+      TemporaryFile temporary(path);
+      if (extension == ".exr")
+        WriteExr(
+          path, temporary.Path, ready, FrameFacts::Read(first->GetFieldData()), region, width, height, options, done);
+      else
+        WriteOther(path, temporary.Path, extension, ready, region, done);
+      temporary.Rename();
+    });
 }
 }

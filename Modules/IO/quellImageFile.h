@@ -17,9 +17,9 @@
 class vtkImageData;
 
 /// Image files as images with named arrays. OpenEXR (several layers and parts, scanlines or tiles, half, float and
-/// integer channels), Radiance HDR, PNG, JPEG, PNM; TIFF, BMP and Targa are written only. Rows are flipped here and nowhere else: row 0 of
-/// an image is its bottom row, of a file its top row. Which channel is which array: Documentation/aov.md.
-/// Every failure is a StageError with the file's name, the cause and what to do about it.
+/// integer channels), Radiance HDR, PNG, JPEG, PNM; TIFF, BMP and Targa are written only. Rows are flipped here and
+/// nowhere else: row 0 of an image is its bottom row, of a file its top row. Which channel is which array:
+/// Documentation/aov.md. Every failure is a StageError with the file's name, the cause and what to do about it.
 namespace quell
 {
 /// One array of a file.
@@ -27,14 +27,14 @@ struct FileArray
 {
   std::string Name;
   ArrayKind Kind = ArrayKind::Any;
-  std::vector<std::string> Channels;  ///< the file's channel names, one per component
-  std::string Type;                   ///< "half", "float", "uint", "uint8" ...
+  std::vector<std::string> Channels; ///< the file's channel names, one per component
+  std::string Type;                  ///< "half", "float", "uint", "uint8" ...
 };
 
 /// How integer pixels of formats other than EXR become linear values.
 enum class FileTransfer
 {
-  Automatic,  ///< integers are sRGB-encoded, floats are linear
+  Automatic, ///< integers are sRGB-encoded, floats are linear
   Linear,
   Srgb
 };
@@ -42,23 +42,23 @@ enum class FileTransfer
 /// What a header says, and after reading what happened.
 struct ReadReport
 {
-  std::string Format;                           ///< "openexr", "png", ...
-  int Width = 0, Height = 0;                    ///< of the whole frame, the display window
-  Rect DataWindow;                              ///< pixels the file holds, row 0 at the bottom; may reach outside
+  std::string Format;        ///< "openexr", "png", ...
+  int Width = 0, Height = 0; ///< of the whole frame, the display window
+  Rect DataWindow;           ///< pixels the file holds, row 0 at the bottom; may reach outside
   std::vector<FileArray> Arrays;
   FrameFacts Facts;
-  std::map<std::string, std::string> Metadata;  ///< entries under `quell:`, without that prefix
-  std::map<std::string, std::string> Attributes;///< all other attributes, as text
+  std::map<std::string, std::string> Metadata;   ///< entries under `quell:`, without that prefix
+  std::map<std::string, std::string> Attributes; ///< all other attributes, as text
   std::vector<std::string> Warnings;
 };
 
 struct ReadOptions
 {
-  ArraySet Arrays;                              ///< empty: all
-  Rect Region;                                  ///< empty: the whole frame
-  std::string PlainArray = "radiance";          ///< the array that plain R G B (or Y) channels make
+  ArraySet Arrays;                     ///< empty: all
+  Rect Region;                         ///< empty: the whole frame
+  std::string PlainArray = "radiance"; ///< the array that plain R G B (or Y) channels make
   FileTransfer Transfer = FileTransfer::Automatic;
-  std::int64_t MaximumBytes = std::int64_t(4) << 30;  ///< of the arrays to be made; more is refused
+  std::int64_t MaximumBytes = std::int64_t(4) << 30; ///< of the arrays to be made; more is refused
 };
 
 /// The arrays of a file, without reading pixels.
@@ -73,9 +73,9 @@ VTKQUELLIO_EXPORT vtkSmartPointer<vtkImageData> ReadImageFile(
 struct LayerSpec
 {
   std::string Array;
-  std::string Layer;                  ///< EXR layer; empty: the standard one, the first colour being plain R G B
-  ArrayKind Kind = ArrayKind::Any;    ///< Any: from the array's name, else from its components
-  vtkImageData* Image = nullptr;      ///< nullptr: the function's image
+  std::string Layer;               ///< EXR layer; empty: the standard one, the first colour being plain R G B
+  ArrayKind Kind = ArrayKind::Any; ///< Any: from the array's name, else from its components
+  vtkImageData* Image = nullptr;   ///< nullptr: the function's image
 };
 
 enum class FileCompression
@@ -92,27 +92,27 @@ enum class FileCompression
 
 struct WriteOptions
 {
-  std::map<std::string, std::string> Metadata;  ///< string attributes under `quell:`
-  int Width = 0, Height = 0;                    ///< display window; 0: from row 0 and column 0 to the image's end
-  Rect Region;                                  ///< data window; empty: the image's extent
+  std::map<std::string, std::string> Metadata; ///< string attributes under `quell:`
+  int Width = 0, Height = 0;                   ///< display window; 0: from row 0 and column 0 to the image's end
+  Rect Region;                                 ///< data window; empty: the image's extent
   FileCompression Compression = FileCompression::Zip;
-  bool Half = false;                            ///< colours and scalars as half; ids, depth, position, motion stay float
+  bool Half = false; ///< colours and scalars as half; ids, depth, position, motion stay float
 };
 
 struct WriteReport
 {
-  std::int64_t Clamped = 0;    ///< finite values beyond 65504 that were clamped for half
-  std::int64_t NonFinite = 0;  ///< non-finite values written as 0 into an 8-bit file
+  std::int64_t Clamped = 0;   ///< finite values beyond 65504 that were clamped for half
+  std::int64_t NonFinite = 0; ///< non-finite values written as 0 into an 8-bit file
   std::vector<std::string> Warnings;
 };
 
-/// What WriteImageFile would refuse `path` for before it has pixels: a format that nobody writes, a place where no file can
-/// be made. Throws quell::StageError; makes nothing.
+/// What WriteImageFile would refuse `path` for before it has pixels: a format that nobody writes, a place where no file
+/// can be made. Throws quell::StageError; makes nothing.
 VTKQUELLIO_EXPORT void CheckWritable(const std::string& path);
 
 /// Writes `layers` (empty: every array, radiance first) in one file: under a temporary name in the same directory, then
-/// renamed, so that a reader sees the old file or the whole new one. Creates directories. Formats other than EXR hold one
-/// colour and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr: linear.
+/// renamed, so that a reader sees the old file or the whole new one. Creates directories. Formats other than EXR hold
+/// one colour and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr: linear.
 VTKQUELLIO_EXPORT void WriteImageFile(const std::string& path, vtkImageData* image,
   const std::vector<LayerSpec>& layers = {}, const WriteOptions& options = {}, WriteReport* report = nullptr);
 

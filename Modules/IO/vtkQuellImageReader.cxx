@@ -26,15 +26,18 @@ void vtkQuellImageReader::Describe(quell::StageDescription& d)
   d.Category = "IO";
   d.Brief = "Reads named arrays from an OpenEXR or another image file, or from a sequence of files.";
   d.Details =
-    "Every layer of the file is an array; the layers of Quell, Blender, Arnold, pbrt, Mitsuba and OIDN get the names of their "
+    "Every layer of the file is an array; the layers of Quell, Blender, Arnold, pbrt, Mitsuba and OIDN get the names "
+    "of their "
     "role (`Documentation/aov.md`), others keep their own. Only what is asked for is read.\n\n"
     "The frame is the display window. Pixels outside the data window hold the array's background (0; albedo 1; depth "
-    "+inf). Values are not changed: non-finite ones pass. Integer pixels of formats other than EXR are decoded from sRGB.";
+    "+inf). Values are not changed: non-finite ones pass. Integer pixels of formats other than EXR are decoded from "
+    "sRGB.";
   d.Output("radiance", quell::ArrayKind::Color, "the file's plain R G B channels, or its beauty pass");
   QUELL_PATH(d, File, "image file; a run of # in its name is replaced by the frame's tick, e.g. noisy.####.exr");
-  QUELL_STRING(d, PlainArray, "array that plain R G B or Y channels make, e.g. albedo for a file that holds nothing else");
-  QUELL_ENUM(d, Transfer, "how pixels become linear; Automatic: integers are sRGB-encoded, floats are linear", "Automatic",
-    "Linear", "Srgb");
+  QUELL_STRING(
+    d, PlainArray, "array that plain R G B or Y channels make, e.g. albedo for a file that holds nothing else");
+  QUELL_ENUM(d, Transfer, "how pixels become linear; Automatic: integers are sRGB-encoded, floats are linear",
+    "Automatic", "Linear", "Srgb");
 }
 
 void vtkQuellImageReader::SetFile(const std::string& file)
@@ -69,8 +72,7 @@ quell::ReadOptions OptionsOf(vtkQuellImageReader* reader)
 void vtkQuellImageReader::DescribeSource(int& width, int& height)
 {
   const quell::ReadOptions options = OptionsOf(this);
-  const quell::ReadReport header =
-    quell::ReadImageHeader(quell::SequencePath(this->File, this->Ticks.First), options);
+  const quell::ReadReport header = quell::ReadImageHeader(quell::SequencePath(this->File, this->Ticks.First), options);
   width = header.Width;
   height = header.Height;
 }
@@ -120,7 +122,7 @@ void vtkQuellImageReader::CountNonFinite(const std::string& name, const quell::I
   this->Counters.NonFinite += bad;
   if (bad)
     this->Warnings.push_back(std::to_string(bad) + " pixels of " + name + " are not finite, the first at (" +
-      std::to_string(firstX) + ", " + std::to_string(firstY) + ") from the bottom left");
+                             std::to_string(firstX) + ", " + std::to_string(firstY) + ") from the bottom left");
 }
 
 void vtkQuellImageReader::Execute(quell::StageFrame& frame)
@@ -135,8 +137,9 @@ void vtkQuellImageReader::Execute(quell::StageFrame& frame)
   const quell::ReadReport header = quell::ReadImageHeader(path, options);
   if (header.Width != frame.Whole().width() || header.Height != frame.Whole().height())
     throw quell::StageError("cannot read \"" + path + "\": it is " + std::to_string(header.Width) + " x " +
-      std::to_string(header.Height) + " pixels, but the sequence began with " + std::to_string(frame.Whole().width()) +
-      " x " + std::to_string(frame.Whole().height()) + "; all frames must have one size");
+                            std::to_string(header.Height) + " pixels, but the sequence began with " +
+                            std::to_string(frame.Whole().width()) + " x " + std::to_string(frame.Whole().height()) +
+                            "; all frames must have one size");
   quell::ReadReport report;
   auto image = quell::ReadImageFile(path, &report, options);
   for (const std::string& name : options.Arrays)
@@ -146,7 +149,7 @@ void vtkQuellImageReader::Execute(quell::StageFrame& frame)
     const quell::ImageOut out = frame.AddOutput(name, components);
     if (out.components != components)
       throw quell::StageError("cannot read \"" + path + "\": \"" + name + "\" has " + std::to_string(components) +
-        " components there, not " + std::to_string(out.components));
+                              " components there, not " + std::to_string(out.components));
     std::copy_n(array->GetPointer(0), array->GetNumberOfValues(), out.data);
     this->CountNonFinite(name, out);
   }

@@ -7,8 +7,8 @@
  * which channel becomes which array. Only the arrays that are asked for are read, over the region that is asked for.
  *
  * The frame is the file's display window; pixels outside its data window hold the array's background. Values are handed
- * on as they are, non-finite ones included. Errors (missing, cut-off, deep or sub-sampled files, another size than the first
- * frame's, an array that is not there) name the file and leave the output empty.
+ * on as they are, non-finite ones included. Errors (missing, cut-off, deep or sub-sampled files, another size than the
+ * first frame's, an array that is not there) name the file and leave the output empty.
  */
 #ifndef vtkQuellImageReader_h
 #define vtkQuellImageReader_h
@@ -30,7 +30,8 @@ public:
   void SetPlainArray(const std::string& name);
   const std::string& GetPlainArray() const { return this->PlainArray; }
   ///@}
-  ///@{ How pixels become linear: Automatic (integers of PNG, JPEG ... are sRGB-encoded, floats are linear), Linear, Srgb.
+  ///@{ How pixels become linear: Automatic (integers of PNG, JPEG ... are sRGB-encoded, floats are linear), Linear,
+  ///Srgb.
   vtkSetClampMacro(Transfer, int, 0, 2);
   vtkGetMacro(Transfer, int);
   ///@}

@@ -26,17 +26,21 @@ void vtkQuellImageWriter::Describe(quell::StageDescription& d)
   d.Brief = "Writes named arrays as the layers of one image file per frame.";
   d.Details =
     "The file's extension decides the format. **OpenEXR**: every connection is a layer under its array's standard name "
-    "(`Documentation/aov.md`) or under `name=\"...\"` on the input; the first colour is plain R G B. The data window is the "
-    "region that was computed, the display window the whole frame. **PNG, JPEG, TIFF, BMP, TGA**: one colour (and `alpha`), 8 "
-    "bit; display-encoded arrays as they are, linear ones clamped to [0, 1] and sRGB-encoded; values that are not finite "
+    "(`Documentation/aov.md`) or under `name=\"...\"` on the input; the first colour is plain R G B. The data window "
+    "is the "
+    "region that was computed, the display window the whole frame. **PNG, JPEG, TIFF, BMP, TGA**: one colour (and "
+    "`alpha`), 8 "
+    "bit; display-encoded arrays as they are, linear ones clamped to [0, 1] and sRGB-encoded; values that are not "
+    "finite "
     "become 0 and are counted. **HDR**: one linear colour.\n\n"
     "A file is written under a temporary name and renamed, so it is whole or absent. Arrays pass through.";
   d.Sink = true;
   d.RepeatableInput("layer", quell::ArrayKind::Any, "radiance", "an array to be written");
   QUELL_STRING(d, File, "file to write; a run of # in its name is replaced by the frame's tick; directories are made");
-  QUELL_ENUM(d, Compression, "EXR compression; Pxr24, Dwaa and Dwab lose precision", "None", "Rle", "Zips", "Zip", "Piz",
-    "Pxr24", "Dwaa", "Dwab");
-  QUELL_BOOL(d, Half, "EXR colours, albedo, normals and scalars in half precision, clamped to 65504; the rest stays float");
+  QUELL_ENUM(d, Compression, "EXR compression; Pxr24, Dwaa and Dwab lose precision", "None", "Rle", "Zips", "Zip",
+    "Piz", "Pxr24", "Dwaa", "Dwab");
+  QUELL_BOOL(
+    d, Half, "EXR colours, albedo, normals and scalars in half precision, clamped to 65504; the rest stays float");
 }
 
 void vtkQuellImageWriter::SetFile(const std::string& file)

@@ -3,14 +3,14 @@
  * @class   vtkQuellImageWriter
  * @brief   writes named arrays as layers of one image file per frame
  *
- * OpenEXR: each connection of `layer` is a layer under the array's standard name (Documentation/aov.md) or under the name
- * given to it; the first colour becomes plain R G B. Data window = the region that was computed, display window = the
- * whole frame; camera matrices, tick, time, seed and sample count are attributes. Other formats (by extension): one
+ * OpenEXR: each connection of `layer` is a layer under the array's standard name (Documentation/aov.md) or under the
+ * name given to it; the first colour becomes plain R G B. Data window = the region that was computed, display window =
+ * the whole frame; camera matrices, tick, time, seed and sample count are attributes. Other formats (by extension): one
  * colour, 8 bit, display-encoded arrays as they are, others clamped to [0, 1] and sRGB-encoded.
  *
- * A file appears whole or not at all: it is written under a temporary name in its directory and renamed. Arrays asked of
- * the writer pass through from its first connection. Non-finite values are written as they are to EXR and as 0 (counted)
- * to 8-bit files.
+ * A file appears whole or not at all: it is written under a temporary name in its directory and renamed. Arrays asked
+ * of the writer pass through from its first connection. Non-finite values are written as they are to EXR and as 0
+ * (counted) to 8-bit files.
  */
 #ifndef vtkQuellImageWriter_h
 #define vtkQuellImageWriter_h
@@ -29,7 +29,8 @@ public:
   void SetFile(const std::string& file);
   const std::string& GetFile() const { return this->File; }
   ///@}
-  ///@{ EXR compression, in the order None, Rle, Zips, Zip, Piz, Pxr24, Dwaa, Dwab; the last three lose precision. Default
+  ///@{ EXR compression, in the order None, Rle, Zips, Zip, Piz, Pxr24, Dwaa, Dwab; the last three lose precision.
+  ///Default
   /// Zip.
   vtkSetClampMacro(Compression, int, 0, 7);
   vtkGetMacro(Compression, int);

@@ -20,7 +20,7 @@ namespace quell
 namespace
 {
 constexpr float ATrousKernel[5] = { 1 / 16.f, 1 / 4.f, 3 / 8.f, 1 / 4.f, 1 / 16.f };
-constexpr float DepthTiny = 1e-30f;  // keeps 0 / 0 out where depth and slope are both 0
+constexpr float DepthTiny = 1e-30f;   // keeps 0 / 0 out where depth and slope are both 0
 constexpr float LeastWeight = 1e-18f; // a smaller sum is no tap at all; its square is still a normal number
 
 enum class NormalWeight
@@ -72,7 +72,8 @@ void RowOf(const ATrousPass& a, int y, int x0, int x1)
     const auto p = first + i;
     const V z = hn::LoadU(d, a.guides.depth + p);
     const auto hit = hn::Lt(z, inf);
-    const V r = hn::LoadU(d, a.in.color[0] + p), g = hn::LoadU(d, a.in.color[1] + p), b = hn::LoadU(d, a.in.color[2] + p);
+    const V r = hn::LoadU(d, a.in.color[0] + p), g = hn::LoadU(d, a.in.color[1] + p),
+            b = hn::LoadU(d, a.in.color[2] + p);
     const V lumIn = hn::LoadU(d, a.in.luminance + p);
     V varIn = zero;
     if (HasVariance)
@@ -308,7 +309,7 @@ void ATrousRowScalar(const ATrousPass& a, int y, int x0, int x1) noexcept
             continue;
           const float along = a.step * (a.guides.slopeX[p] * dx + a.guides.slopeY[p] * dy);
           float e = std::fabs(z - a.guides.depth[q]) /
-            (a.sigmaDepth * std::fabs(along) + a.depthEpsilon * std::fabs(z) + DepthTiny);
+                    (a.sigmaDepth * std::fabs(along) + a.depthEpsilon * std::fabs(z) + DepthTiny);
           if (valid)
             e += std::fabs(l - a.in.luminance[q]) / sigma;
           if (a.guides.normal[0])

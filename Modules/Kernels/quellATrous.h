@@ -22,8 +22,8 @@ namespace quell
 /// z in scene units, slopes in scene units per pixel, l = Rec. 709 luminance of C. Without a variance plane
 /// sL(p) = fixedSigma + luminanceEpsilon (1 + |l(p)|) and V' is not made. Weights below e^-80 are 0.
 /// Border: taps outside have weight 0. A pixel that was not hit keeps its planes. A centre that is not valid
-/// (luminance +inf) has weight 0 and wl = 1; it becomes valid when its taps weigh more than 1e-18, else it keeps its planes.
-/// Vector and scalar code agree to 1e-5 relative; the result does not depend on how rows are shared out.
+/// (luminance +inf) has weight 0 and wl = 1; it becomes valid when its taps weigh more than 1e-18, else it keeps its
+/// planes. Vector and scalar code agree to 1e-5 relative; the result does not depend on how rows are shared out.
 /// Source: Schied et al. 2017, Spatiotemporal Variance-Guided Filtering, eqs. 2-5; Dammertz et al. 2010.
 struct ATrousPass
 {
@@ -37,11 +37,12 @@ struct ATrousPass
 
 ///@{ Pixels [x0, x1) of row y. The vector code may also write some pixels right of x1 in `out`.
 QUELLKERNELS_EXPORT void ATrousRow(const ATrousPass& pass, int y, int x0, int x1) noexcept;
-QUELLKERNELS_EXPORT void ATrousRowScalar(const ATrousPass& pass, int y, int x0, int x1) noexcept; ///< reference, for tests
+QUELLKERNELS_EXPORT void ATrousRowScalar(
+  const ATrousPass& pass, int y, int x0, int x1) noexcept; ///< reference, for tests
 ///@}
 
-/// Pixels that `iterations` passes need around a region: Sum 2 * 2^i = 2 (2^iterations - 1). The 3 x 3 variance blur and the
-/// depth slope of a pass reach 1 pixel beyond its centres, which its own taps (at least 2) cover already.
+/// Pixels that `iterations` passes need around a region: Sum 2 * 2^i = 2 (2^iterations - 1). The 3 x 3 variance blur
+/// and the depth slope of a pass reach 1 pixel beyond its centres, which its own taps (at least 2) cover already.
 constexpr int ATrousHalo(int iterations) noexcept
 {
   return 2 * ((1 << iterations) - 1);

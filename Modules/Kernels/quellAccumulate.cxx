@@ -22,8 +22,8 @@ float Finite(double v)
 }
 }
 
-std::int64_t Accumulate(const AccumulateInputs& in, const AccumulateParameters& par, const AccumulateOutputs& out,
-  const Rect& tile) noexcept
+std::int64_t Accumulate(
+  const AccumulateInputs& in, const AccumulateParameters& par, const AccumulateOutputs& out, const Rect& tile) noexcept
 {
   std::int64_t bad = 0;
   for (int y = tile.y0; y < tile.y1; ++y)
@@ -53,7 +53,7 @@ std::int64_t Accumulate(const AccumulateInputs& in, const AccumulateParameters& 
         {
           length = std::min(length + 1, par.maximumHistory);
           const double a = std::min(1., std::max(par.alpha, 1 / length));
-          color = a < 1 ? color + (sample - color) * a : sample;  // a weight of 1 is exact
+          color = a < 1 ? color + (sample - color) * a : sample; // a weight of 1 is exact
           const double am = std::min(1., std::max(par.momentsAlpha, 1 / length));
           const double d = luminance - mean;
           mean += am * d;

@@ -35,9 +35,9 @@ struct AccumulateOutputs
 /// In steady state independent noise keeps alpha / (2 - alpha) of its variance.
 ///
 /// A non-finite pixel counts as no new sample: the history stays as it is. Where there is none either, the mean of the
-/// finite pixels of the 3 x 3 is stored (0 when there are none) with length 0, so that the next frame does not use it. A
-/// history that is not finite counts as none. Nothing non-finite is ever stored.
-/// Returns how many pixels of `tile` were not finite.
+/// finite pixels of the 3 x 3 is stored (0 when there are none) with length 0, so that the next frame does not use it.
+/// A history that is not finite counts as none. Nothing non-finite is ever stored. Returns how many pixels of `tile`
+/// were not finite.
 QUELLKERNELS_EXPORT std::int64_t Accumulate(const AccumulateInputs& in, const AccumulateParameters& parameters,
   const AccumulateOutputs& out, const Rect& tile) noexcept;
 }

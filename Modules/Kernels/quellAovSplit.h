@@ -54,16 +54,17 @@ struct AovCheck
 ///   direct, indirect = diffuse + specular
 ///   emission         = emission + environment
 ///   radiance         = combined;   residual = radiance - (emission + direct + indirect)
-///   albedoDiffuse    = diffuse color, albedoSpecular = glossy + transmission color, albedo = their sum, each limited to
+///   albedoDiffuse    = diffuse color, albedoSpecular = glossy + transmission color, albedo = their sum, each limited
+///   to
 ///                      [0, 1]; all three are 1 where the colours are 0 together (background, lamps)
 ///
-/// Without any light pass all light counts as directDiffuse: combined - emission - environment, and the residual is 0 to
-/// rounding. Without any colour pass the albedos are `albedo`, or 1. Float, added in the order written here; what
+/// Without any light pass all light counts as directDiffuse: combined - emission - environment, and the residual is 0
+/// to rounding. Without any colour pass the albedos are `albedo`, or 1. Float, added in the order written here; what
 /// overflows stays at FLT_MAX. The check is
 /// max |residual| / (max |radiance| + 1e-3) over channels against `tolerance` (1e-2 allows for half-float files).
-/// A non-finite pixel of a pass is replaced by the mean of its finite neighbours in that pass (0: none), and its residual
-/// is 0. Pixelwise, halo 1 for that rule.
-/// Source: how Blender documents that its light passes recombine (Combined = sum of (direct + indirect) color + ...).
+/// A non-finite pixel of a pass is replaced by the mean of its finite neighbours in that pass (0: none), and its
+/// residual is 0. Pixelwise, halo 1 for that rule. Source: how Blender documents that its light passes recombine
+/// (Combined = sum of (direct + indirect) color + ...).
 QUELLKERNELS_EXPORT AovCheck AovSplit(
   const AovPasses& passes, float tolerance, const AovLayers& layers, const Rect& tile) noexcept;
 }

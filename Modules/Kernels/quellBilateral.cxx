@@ -30,9 +30,9 @@ struct BilateralTile
   float* penalty;               ///< added to a tap's exponent: 0, or +inf for a tap that does not count
   float* feature[MostFeatures]; ///< range 3, normal 3, albedo 3, depth 1, id 1: those that are used
   int features = 0;
-  bool gaps = false;            ///< some feature value is not a number
-  float* plane[7];              ///< normal 3, position 3, 1/(sigma z) for the plane distance; plane[0] absent without it
-  float* result[3];             ///< one row
+  bool gaps = false; ///< some feature value is not a number
+  float* plane[7];   ///< normal 3, position 3, 1/(sigma z) for the plane distance; plane[0] absent without it
+  float* result[3];  ///< one row
 };
 
 enum Layout
@@ -62,7 +62,7 @@ int Uses(const BilateralInputs& in, const BilateralParameters& p) noexcept
 int PlaneCount(int uses) noexcept
 {
   return 4 + 3 * ((uses & UsesRange) != 0) + 3 * ((uses & UsesNormal) != 0) + 3 * ((uses & UsesAlbedo) != 0) +
-    ((uses & UsesDepth) != 0) + 7 * ((uses & UsesPlane) != 0) + ((uses & UsesId) != 0);
+         ((uses & UsesDepth) != 0) + 7 * ((uses & UsesPlane) != 0) + ((uses & UsesId) != 0);
 }
 
 int EffectiveRadius(const BilateralParameters& p) noexcept
@@ -95,9 +95,9 @@ void RangeValue(const float* c, RangeSpace space, double* out) noexcept
 {
   const double l = 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
   for (int k = 0; k < 3; ++k)
-    out[k] = space == RangeSpace::Linear ? c[k]
-      : space == RangeSpace::ToneMapped  ? c[k] / (1 + (l > 0 ? l : 0))
-                                         : std::log1p(c[k] > 0 ? double(c[k]) : 0.);
+    out[k] = space == RangeSpace::Linear       ? c[k]
+             : space == RangeSpace::ToneMapped ? c[k] / (1 + (l > 0 ? l : 0))
+                                               : std::log1p(c[k] > 0 ? double(c[k]) : 0.);
 }
 }
 }
@@ -309,7 +309,8 @@ std::int64_t Bilateral(const BilateralInputs& in, const BilateralParameters& par
           t.plane[k][i] = in.normal.at(x, y)[k];
           t.plane[3 + k][i] = in.position.at(x, y)[k];
         }
-        t.plane[6][i] = Finite(z) ? Scaled(1 / (z > 1e-30f ? double(z) : 1e-30), FeatureScale(parameters.sigmaDepth)) : 0.f;
+        t.plane[6][i] =
+          Finite(z) ? Scaled(1 / (z > 1e-30f ? double(z) : 1e-30), FeatureScale(parameters.sigmaDepth)) : 0.f;
         t.gaps |= !Finite3(in.normal.at(x, y)) || !Finite3(in.position.at(x, y));
       });
 
@@ -320,8 +321,8 @@ std::int64_t Bilateral(const BilateralInputs& in, const BilateralParameters& par
   }
   float* spatial = scratch;
   const double perPixel = parameters.sigmaSpatial < NoTerm
-    ? 0.5 * 1.4426950408889634 / (parameters.sigmaSpatial * parameters.sigmaSpatial)
-    : 0;
+                            ? 0.5 * 1.4426950408889634 / (parameters.sigmaSpatial * parameters.sigmaSpatial)
+                            : 0;
   for (int dy = -radius; dy <= radius; ++dy)
     for (int dx = -radius; dx <= radius; ++dx)
       spatial[(dy + radius) * side + dx + radius] = radius ? float((dx * dx + dy * dy) * perPixel) : 0.f;
@@ -340,8 +341,8 @@ std::int64_t Bilateral(const BilateralInputs& in, const BilateralParameters& par
   return bad;
 }
 
-void BilateralScalar(const BilateralInputs& in, const BilateralParameters& p, const ImageOut& out,
-  const Rect& tile) noexcept
+void BilateralScalar(
+  const BilateralInputs& in, const BilateralParameters& p, const ImageOut& out, const Rect& tile) noexcept
 {
   const int uses = Uses(in, p), radius = EffectiveRadius(p);
   // |delta|^2 / 2 sigma^2 of `n` components; a component without data is left out.

@@ -15,9 +15,9 @@ namespace quell
 ///
 /// `radiance` (3), `albedo` (3), `out` (3); any linear unit, sign is kept. `d` is the same in Modulate, so
 /// Modulate(Demodulate(x)) is x to 1 ulp for every albedo, 0 included, while |x| / d <= FLT_MAX; larger quotients are
-/// limited to FLT_MAX. An absent albedo view and a non-finite albedo channel count as 1. A pixel whose radiance is not finite gets the mean of its
-/// finite neighbours' illumination (0: none). Pixelwise, halo 1 for that rule. Returns the number of such pixels.
-/// Source: Bikker, INFOMAGR 15; the floor as in Falcor's SVGF pass (1e-3).
+/// limited to FLT_MAX. An absent albedo view and a non-finite albedo channel count as 1. A pixel whose radiance is not
+/// finite gets the mean of its finite neighbours' illumination (0: none). Pixelwise, halo 1 for that rule. Returns the
+/// number of such pixels. Source: Bikker, INFOMAGR 15; the floor as in Falcor's SVGF pass (1e-3).
 QUELLKERNELS_EXPORT std::int64_t Demodulate(
   const ImageIn& radiance, const ImageIn& albedo, float floor, const ImageOut& out, const Rect& tile) noexcept;
 

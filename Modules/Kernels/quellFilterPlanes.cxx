@@ -49,8 +49,8 @@ float ReadVariance(const ImageIn& image, int x, int y) noexcept
 }
 }
 
-void CopyGuides(const ImageIn& depth, const ImageIn& normal, const ImageIn& id, const GuidePlanes& planes, int y0,
-  int y1) noexcept
+void CopyGuides(
+  const ImageIn& depth, const ImageIn& normal, const ImageIn& id, const GuidePlanes& planes, int y0, int y1) noexcept
 {
   const PlaneLayout& layout = planes.layout;
   const Rect& e = layout.extent;
@@ -134,8 +134,8 @@ void ClearPadding(const PlaneLayout& layout, const ColorPlanes& planes, int y0, 
   }
 }
 
-std::int64_t CopyColor(const ImageIn& color, const ImageIn& variance, const GuidePlanes& guides, const ColorPlanes& planes,
-  int y0, int y1, const Rect& counted) noexcept
+std::int64_t CopyColor(const ImageIn& color, const ImageIn& variance, const GuidePlanes& guides,
+  const ColorPlanes& planes, int y0, int y1, const Rect& counted) noexcept
 {
   const PlaneLayout& layout = guides.layout;
   const Rect& e = layout.extent;

@@ -12,8 +12,8 @@ namespace
 {
 constexpr double Pi = 3.14159265358979323846;
 constexpr double PixelsPerDegree = 67.020645;
-constexpr int ColorRadius = 10;   // ceil(3 sqrt(.04 / (2 pi^2)) ppd)
-constexpr int FeatureRadius = 9;  // ceil(3 * .5 * .082 ppd)
+constexpr int ColorRadius = 10;  // ceil(3 sqrt(.04 / (2 pi^2)) ppd)
+constexpr int FeatureRadius = 9; // ceil(3 * .5 * .082 ppd)
 constexpr double WhiteX = 0.950428545, WhiteZ = 1.088900371;
 
 const double ToXyz[3][3] = { { 10135552 / 24577794., 8788810 / 24577794., 4435075 / 24577794. },
@@ -220,12 +220,11 @@ double FlipPixel(const FlipImage& test, const FlipImage& reference, int x, int y
   const std::size_t plane = test.planeSize(), i = std::size_t(y) * test.width + x;
   const double* a = test.final + i;
   const double* b = reference.final + i;
-  double color =
-    std::pow(HyAb({ a[0], a[plane], a[2 * plane] }, { b[0], b[plane], b[2 * plane] }), 0.7);
+  double color = std::pow(HyAb({ a[0], a[plane], a[2 * plane] }, { b[0], b[plane], b[2 * plane] }), 0.7);
   const double knee = 0.4 * t.largest;
   color = color < knee ? color * 0.95 / knee : 0.95 + (color - knee) / (0.6 * t.largest) * 0.05;
-  const double feature = std::sqrt(
-    std::max(std::fabs(a[3 * plane] - b[3 * plane]), std::fabs(a[4 * plane] - b[4 * plane])) / std::sqrt(2.));
+  const double feature =
+    std::sqrt(std::max(std::fabs(a[3 * plane] - b[3 * plane]), std::fabs(a[4 * plane] - b[4 * plane])) / std::sqrt(2.));
   return Unit(std::pow(Unit(color), 1 - Unit(feature)));
 }
 

@@ -55,9 +55,9 @@ inline float FilterLuminance(float r, float g, float b) noexcept
 }
 ///@}
 
-/// The rule for a non-finite pixel in a pixelwise stage: the mean of what `value(x, y, out)` gives for the finite ones of
-/// its 8 neighbours inside `extent`, in row-major order; zeros where there is none. `value` returns false for "not finite".
-/// Needs a halo of 1. Sums in double: 8 x FLT_MAX does not overflow.
+/// The rule for a non-finite pixel in a pixelwise stage: the mean of what `value(x, y, out)` gives for the finite ones
+/// of its 8 neighbours inside `extent`, in row-major order; zeros where there is none. `value` returns false for "not
+/// finite". Needs a halo of 1. Sums in double: 8 x FLT_MAX does not overflow.
 template <int Components, class F>
 bool FillFromNeighbours(const Rect& extent, int x, int y, float* out, F&& value) noexcept
 {

@@ -27,7 +27,8 @@ QUELLKERNELS_EXPORT double ClampForMetrics(double c) noexcept; ///< to [0, 1]
 
 /// Error of the pixel at column `x`, row `y`, both counted from the corner of either view (their extents may differ in
 /// place, not in size). Views must have the same number of channels.
-QUELLKERNELS_EXPORT double PixelErrorAt(PixelError kind, const ImageIn& test, const ImageIn& reference, int x, int y) noexcept;
+QUELLKERNELS_EXPORT double PixelErrorAt(
+  PixelError kind, const ImageIn& test, const ImageIn& reference, int x, int y) noexcept;
 
 /// Sum over one row in double, from left to right: adding rows in order gives the same bits for any thread count.
 QUELLKERNELS_EXPORT double ErrorRowSum(PixelError kind, const ImageIn& test, const ImageIn& reference, int y) noexcept;

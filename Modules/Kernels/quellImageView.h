@@ -36,10 +36,7 @@ struct Rect
       return *this;
     return { std::min(x0, r.x0), std::min(y0, r.y0), std::max(x1, r.x1), std::max(y1, r.y1) };
   }
-  bool operator==(const Rect& r) const noexcept
-  {
-    return x0 == r.x0 && y0 == r.y0 && x1 == r.x1 && y1 == r.y1;
-  }
+  bool operator==(const Rect& r) const noexcept { return x0 == r.x0 && y0 == r.y0 && x1 == r.x1 && y1 == r.y1; }
   bool operator!=(const Rect& r) const noexcept { return !(*this == r); }
 };
 
@@ -49,23 +46,32 @@ struct Rect
 template <class T>
 struct ImageView
 {
-  T* data = nullptr;             ///< pixel (extent.x0, extent.y0)
-  int components = 0;            ///< interleaved channels per pixel
-  Rect extent;                   ///< the pixels that exist; a tap outside has weight 0
-  std::ptrdiff_t rowStride = 0;  ///< elements from one row to the next
+  T* data = nullptr;            ///< pixel (extent.x0, extent.y0)
+  int components = 0;           ///< interleaved channels per pixel
+  Rect extent;                  ///< the pixels that exist; a tap outside has weight 0
+  std::ptrdiff_t rowStride = 0; ///< elements from one row to the next
 
   ImageView() = default;
   ImageView(T* d, int c, const Rect& e) noexcept
-    : data(d), components(c), extent(e), rowStride(std::ptrdiff_t(e.width()) * c)
+    : data(d)
+    , components(c)
+    , extent(e)
+    , rowStride(std::ptrdiff_t(e.width()) * c)
   {
   }
   ImageView(T* d, int c, const Rect& e, std::ptrdiff_t stride) noexcept
-    : data(d), components(c), extent(e), rowStride(stride)
+    : data(d)
+    , components(c)
+    , extent(e)
+    , rowStride(stride)
   {
   }
   template <class U, class = std::enable_if_t<std::is_same<const U, T>::value && !std::is_const<U>::value>>
   ImageView(const ImageView<U>& o) noexcept
-    : data(o.data), components(o.components), extent(o.extent), rowStride(o.rowStride)
+    : data(o.data)
+    , components(o.components)
+    , extent(o.extent)
+    , rowStride(o.rowStride)
   {
   }
 

@@ -20,8 +20,9 @@ constexpr float Log2E = 1.44269504f;
 /// Weights below 2^-115 (e^-80) are 0.
 constexpr float LargestExponent = 115.f;
 
-/// exp2(-x), x >= 0; 0 beyond LargestExponent and for NaN. n = round(-x) is found by adding 1.5 * 2^23, whose low bits then
-/// hold n; 2^f on [-1/2, 1/2] is a minimax polynomial of degree 5 that is exactly 1 at 0 (error 1.1e-7); n is added to the exponent bits.
+/// exp2(-x), x >= 0; 0 beyond LargestExponent and for NaN. n = round(-x) is found by adding 1.5 * 2^23, whose low bits
+/// then hold n; 2^f on [-1/2, 1/2] is a minimax polynomial of degree 5 that is exactly 1 at 0 (error 1.1e-7); n is
+/// added to the exponent bits.
 template <class D, class V>
 HWY_INLINE V NegExp2(D d, V x)
 {

@@ -8,9 +8,9 @@
 
 namespace quell
 {
-/// Where pixel (x, y) of the frame lies in a planar scratch image: one float per pixel and plane, rows padded on both sides
-/// so that taps beyond the frame and the lanes of a last partial vector read (and write) memory that exists. One pad row
-/// below and above. What the padding must hold is said by the kernel that fills it.
+/// Where pixel (x, y) of the frame lies in a planar scratch image: one float per pixel and plane, rows padded on both
+/// sides so that taps beyond the frame and the lanes of a last partial vector read (and write) memory that exists. One
+/// pad row below and above. What the padding must hold is said by the kernel that fills it.
 struct PlaneLayout
 {
   /// At least the lanes of the widest vector (64 floats: 2048 bits).
@@ -22,7 +22,8 @@ struct PlaneLayout
 
   PlaneLayout() = default;
   /// `reach`: how far a tap may be from a pixel horizontally.
-  PlaneLayout(const Rect& e, int reach) noexcept : extent(e)
+  PlaneLayout(const Rect& e, int reach) noexcept
+    : extent(e)
   {
     this->pad = (reach + Lanes - 1) / Lanes * Lanes;
     if (this->pad == 0)

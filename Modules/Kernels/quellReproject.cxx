@@ -104,7 +104,7 @@ namespace
 struct Target
 {
   bool hit = false;
-  double depth = 0;      ///< expected in the previous camera
+  double depth = 0; ///< expected in the previous camera
   double tolerance = 0;
   Vec3d normal;
   double normalSquared = 0;
@@ -248,8 +248,8 @@ bool Predict(const ReprojectInputs& in, const ReprojectParameters& par, int x, i
       if (in.id && in.previousId)
         t.tolerance += par.movingDepthTolerance * std::fabs(z);
       else
-        t.tolerance += Length(in.current.Unproject(ndcX + 2 * dx / width, ndcY + 2 * dy / height, z) -
-          in.current.Unproject(ndcX, ndcY, z));
+        t.tolerance += Length(
+          in.current.Unproject(ndcX + 2 * dx / width, ndcY + 2 * dy / height, z) - in.current.Unproject(ndcX, ndcY, z));
     }
   }
   else if (in.motion)
@@ -276,7 +276,8 @@ void Clear(const ReprojectOutputs& out, int x, int y, ReprojectMask mask) noexce
 }
 
 /// False where an outer tap does not exist or is not finite.
-bool FetchCatmullRom(const ReprojectInputs& in, int x0, int y0, double tx, double ty, int channel, double& value) noexcept
+bool FetchCatmullRom(
+  const ReprojectInputs& in, int x0, int y0, double tx, double ty, int channel, double& value) noexcept
 {
   double wx[4], wy[4];
   CatmullRomWeights(tx, wx);
@@ -305,8 +306,8 @@ bool FetchCatmullRom(const ReprojectInputs& in, int x0, int y0, double tx, doubl
 }
 }
 
-void Reproject(const ReprojectInputs& in, const ReprojectParameters& par, const ReprojectOutputs& out,
-  const Rect& tile) noexcept
+void Reproject(
+  const ReprojectInputs& in, const ReprojectParameters& par, const ReprojectOutputs& out, const Rect& tile) noexcept
 {
   for (int y = tile.y0; y < tile.y1; ++y)
     for (int x = tile.x0; x < tile.x1; ++x)

@@ -8,11 +8,12 @@
 
 namespace quell
 {
-/// Projects and unprojects with one camera, in double. Only the rows of worldToNdc that make x, y and w are used, so the
-/// near and far planes do not matter: with A = the first three columns of those rows and b = the last one,
+/// Projects and unprojects with one camera, in double. Only the rows of worldToNdc that make x, y and w are used, so
+/// the near and far planes do not matter: with A = the first three columns of those rows and b = the last one,
 ///   (ndc.x z, ndc.y z, z) = A p + b      and      p = A^-1 ((ndc.x z, ndc.y z, z) - b).
 /// A parallel camera (w constant) takes its depth from worldToCamera instead (the camera looks along -z).
-/// A matrix that cannot be inverted (field of view 0 or 180 degrees, aspect 0, non-finite entries) makes an invalid view.
+/// A matrix that cannot be inverted (field of view 0 or 180 degrees, aspect 0, non-finite entries) makes an invalid
+/// view.
 class QUELLKERNELS_EXPORT ViewGeometry
 {
 public:
@@ -31,9 +32,9 @@ public:
 
 private:
   bool Valid = false, Parallel = false;
-  Vec3d Rows[3];                            ///< of x, y and depth
+  Vec3d Rows[3]; ///< of x, y and depth
   double Shift[3] = { 0, 0, 0 };
-  double W = 1;                             ///< parallel cameras: the constant w
+  double W = 1; ///< parallel cameras: the constant w
   Vec3d Inverse[3];
 };
 
@@ -50,11 +51,11 @@ enum class ReprojectMask
   IdDiffers = 7,
   DepthDiffers = 8,
   NormalDiffers = 9,
-  BadHistory = 10    ///< not finite, or a pixel that had no sample yet (length 0)
+  BadHistory = 10 ///< not finite, or a pixel that had no sample yet (length 0)
 };
 
-/// Views of the current frame and of what was kept of the previous one. Absent views switch their test off; `depth` must
-/// be there. Current views need one pixel of halo for depth and id, previous views the whole frame.
+/// Views of the current frame and of what was kept of the previous one. Absent views switch their test off; `depth`
+/// must be there. Current views need one pixel of halo for depth and id, previous views the whole frame.
 struct ReprojectInputs
 {
   ImageIn depth, normal, id, motion, position;
@@ -83,9 +84,9 @@ struct ReprojectOutputs
 
 /// Fetches, for each pixel x of `tile`, the previous frame's colour, moments and history length at q = x + motion.
 ///
-/// Motion is the motion view's; without it, the projection of the pixel's point in the previous camera minus that in the
-/// current one (so that equal cameras give exactly 0). Background points are infinitely far away. The four bilinear taps
-/// (floor, also of negative coordinates) are tested one by one:
+/// Motion is the motion view's; without it, the projection of the pixel's point in the previous camera minus that in
+/// the current one (so that equal cameras give exactly 0). Background points are infinitely far away. The four bilinear
+/// taps (floor, also of negative coordinates) are tested one by one:
 ///   inside the frame; both hit something or both nothing; same id;
 ///   |z_expected - z_tap| <= depthTolerance (fwidth z + depthEpsilon z) + slack;
 ///   n . n_tap > normalThreshold |n| |n_tap| (two zero normals agree); colour, moments and length finite, length > 0.
@@ -94,16 +95,16 @@ struct ReprojectOutputs
 /// z_expected is the depth that the point has in the PREVIOUS camera if it did not move itself; slack is 0 then. A
 /// point moved where its motion differs from the camera's own by more than motionTolerance pixels. Motion vectors have
 /// no third component, so its previous depth is known only roughly: where ids tell surfaces apart slack is
-/// movingDepthTolerance z; otherwise it is the sideways distance, at that depth, that the extra motion stands for, i.e. the
-/// object may have moved in depth as much as it moved sideways. Without cameras z_expected is the current depth and slack
-/// movingDepthTolerance z.
+/// movingDepthTolerance z; otherwise it is the sideways distance, at that depth, that the extra motion stands for, i.e.
+/// the object may have moved in depth as much as it moved sideways. Without cameras z_expected is the current depth and
+/// slack movingDepthTolerance z.
 ///
-/// Weights of valid taps are renormalised when they sum to minimumWeight or more; otherwise the valid pixels of the 3 x 3
-/// around q are averaged; otherwise everything is 0. catmullRom sharpens the colour where all taps are valid (4 x 4 taps
-/// clamped to the range of the central four). Moments are (mean, central second moment), so a mix of taps with weights w
-/// adds the spread of the means: M2 = sum w (M2_i + (mean_i - mean)^2). Without a length view, length is 1 where there is
-/// history.
-/// Sources: validated bilinear fetch of Schied et al. 2017; tolerances as in Documentation/numerics.md.
+/// Weights of valid taps are renormalised when they sum to minimumWeight or more; otherwise the valid pixels of the 3 x
+/// 3 around q are averaged; otherwise everything is 0. catmullRom sharpens the colour where all taps are valid (4 x 4
+/// taps clamped to the range of the central four). Moments are (mean, central second moment), so a mix of taps with
+/// weights w adds the spread of the means: M2 = sum w (M2_i + (mean_i - mean)^2). Without a length view, length is 1
+/// where there is history. Sources: validated bilinear fetch of Schied et al. 2017; tolerances as in
+/// Documentation/numerics.md.
 QUELLKERNELS_EXPORT void Reproject(const ReprojectInputs& in, const ReprojectParameters& parameters,
   const ReprojectOutputs& out, const Rect& tile) noexcept;
 

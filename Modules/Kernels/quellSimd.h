@@ -24,8 +24,8 @@ QUELLKERNELS_EXPORT void ForceSimdTarget(std::int64_t id);
 /// The target in use.
 QUELLKERNELS_EXPORT const char* SimdTargetName();
 
-/// exp2(-x) of `count` values by the vector code that filters use for their weights, for x >= 0; 0 for x > 115 and for NaN.
-/// Relative error at most 3e-7. `in` and `out` hold a multiple of 64 floats.
+/// exp2(-x) of `count` values by the vector code that filters use for their weights, for x >= 0; 0 for x > 115 and for
+/// NaN. Relative error at most 3e-7. `in` and `out` hold a multiple of 64 floats.
 QUELLKERNELS_EXPORT void NegativeExp2(const float* in, float* out, std::size_t count) noexcept;
 }
 

@@ -114,8 +114,8 @@ bool FetchHistory(const AntialiasInputs& in, double qx, double qy, Weighted& res
 }
 }
 
-std::int64_t TemporalAntialias(const AntialiasInputs& in, const AntialiasParameters& par, const ImageOut& out,
-  const Rect& tile) noexcept
+std::int64_t TemporalAntialias(
+  const AntialiasInputs& in, const AntialiasParameters& par, const ImageOut& out, const Rect& tile) noexcept
 {
   std::int64_t bad = 0;
   for (int y = tile.y0; y < tile.y1; ++y)

@@ -27,15 +27,15 @@ struct AntialiasParameters
 /// compressed colour c / (1 + max c), and carrying w along makes the way back, (c w) / w, exact at any brightness.
 ///   q     = x + motion at the 3 x 3 pixel with the smallest depth (x itself without depth);
 ///   h     = Catmull-Rom (4 x 4, edge pixels repeated) of the history at q, clamped to the range of the central 2 x 2;
-///   h     is moved towards the mean of the new frame's 3 x 3 until it is within gamma standard deviations of it in each of Y, Co, Cg;
-///   out   = h + alpha (c - h).
-/// Without history, or where q is outside of the frame, the new frame is returned bit for bit. A non-finite pixel of the
-/// new frame is left out of mean and deviation and replaced by the history, else by the mean of its finite neighbours, else
-/// by 0; non-finite history taps are left out (bilinear then). Nothing non-finite is ever stored.
+///   h     is moved towards the mean of the new frame's 3 x 3 until it is within gamma standard deviations of it in
+///   each of Y, Co, Cg; out   = h + alpha (c - h).
+/// Without history, or where q is outside of the frame, the new frame is returned bit for bit. A non-finite pixel of
+/// the new frame is left out of mean and deviation and replaced by the history, else by the mean of its finite
+/// neighbours, else by 0; non-finite history taps are left out (bilinear then). Nothing non-finite is ever stored.
 /// Returns how many pixels of `tile` were not finite.
 /// Sources: Karis 2014 (weights), Salvi 2016 (variance clipping).
-QUELLKERNELS_EXPORT std::int64_t TemporalAntialias(const AntialiasInputs& in, const AntialiasParameters& parameters,
-  const ImageOut& out, const Rect& tile) noexcept;
+QUELLKERNELS_EXPORT std::int64_t TemporalAntialias(
+  const AntialiasInputs& in, const AntialiasParameters& parameters, const ImageOut& out, const Rect& tile) noexcept;
 }
 
 #endif

@@ -55,15 +55,15 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
     const V z = hn::LoadU(d, a.guides.depth + p);
     const auto hit = hn::Lt(z, inf);
     const V h = a.moments.history ? hn::Max(hn::LoadU(d, a.moments.history + p), one) : one;
-    const V c[3] = { hn::LoadU(d, a.in.color[0] + p), hn::LoadU(d, a.in.color[1] + p), hn::LoadU(d, a.in.color[2] + p) };
+    const V c[3] = { hn::LoadU(d, a.in.color[0] + p), hn::LoadU(d, a.in.color[1] + p),
+      hn::LoadU(d, a.in.color[2] + p) };
     const V lumIn = hn::LoadU(d, a.in.luminance + p);
     const auto valid = hn::Lt(lumIn, inf);
     V variance = a.moments.central ? hn::LoadU(d, a.moments.central + p) : zero;
     V co[3] = { c[0], c[1], c[2] };
     const V least = hn::Set(d, a.minimumHistory);
     // An invalid centre has no moments of its own, whatever its history.
-    const auto spatial =
-      a.moments.central ? hn::And(hit, hn::Or(hn::Lt(h, least), hn::Not(valid))) : hit;
+    const auto spatial = a.moments.central ? hn::And(hit, hn::Or(hn::Lt(h, least), hn::Not(valid))) : hit;
     if (!hn::AllFalse(d, spatial))
     {
       const V scale = hn::Set(d, a.sigmaDepth);
@@ -268,7 +268,7 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
                 continue;
               const float along = a.guides.slopeX[p] * dx + a.guides.slopeY[p] * dy;
               w = NegativeExp(std::fabs(z - a.guides.depth[q]) /
-                (a.sigmaDepth * std::fabs(along) + a.depthEpsilon * std::fabs(z) + VarianceDepthTiny));
+                              (a.sigmaDepth * std::fabs(along) + a.depthEpsilon * std::fabs(z) + VarianceDepthTiny));
               if (a.guides.normal[0])
               {
                 double cosine = 0; // its error is multiplied by sigmaNormal
@@ -291,8 +291,7 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
         if (pass == 1)
         {
           const double lone = std::min(std::fabs(valid ? a.in.luminance[p] : m), double(LargestDifference));
-          variance = others < AloneWeight ? float(lone * lone)
-                                          : float(sv / sw) * std::max(1.f, a.minimumHistory / h);
+          variance = others < AloneWeight ? float(lone * lone) : float(sv / sw) * std::max(1.f, a.minimumHistory / h);
         }
       }
       if (sw > 1e-18)

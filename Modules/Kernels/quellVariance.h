@@ -15,9 +15,9 @@ struct MomentPlanes
   float* history = nullptr; ///< frames in them; absent: 1
 };
 
-/// Rows [y0, y1) of the planes, padding included. `moments` (mean, central second moment) and `history` may each be absent:
-/// without `history` every pixel has seen `unknownHistory` frames. A pixel with a moment that is not finite counts as
-/// history 0 with mean = luminance, central = 0; a history that is not finite or is negative as 0.
+/// Rows [y0, y1) of the planes, padding included. `moments` (mean, central second moment) and `history` may each be
+/// absent: without `history` every pixel has seen `unknownHistory` frames. A pixel with a moment that is not finite
+/// counts as history 0 with mean = luminance, central = 0; a history that is not finite or is negative as 0.
 QUELLKERNELS_EXPORT void CopyMoments(const ImageIn& moments, const ImageIn& history, const PlaneLayout& layout,
   const ColorPlanes& color, const MomentPlanes& planes, float unknownHistory, int y0, int y1) noexcept;
 
@@ -28,13 +28,14 @@ QUELLKERNELS_EXPORT void CopyMoments(const ImageIn& moments, const ImageIn& hist
 ///     C' = C(p) + Sum w (C(q) - C(p)) / Sum w
 ///     m  = Sum w mean(q) / Sum w
 ///     V  = Sum w (central(q) + (mean(q) - m)^2) / Sum w * max(1, minimumHistory / h)
-///     V  = l(p)^2 where the other taps together weigh less than 1/100: unknown, and 0 would freeze the pixel unfiltered
+///     V  = l(p)^2 where the other taps together weigh less than 1/100: unknown, and 0 would freeze the pixel
+///     unfiltered
 ///   ofMean: V is divided by min(h, maximumSamples)
 ///
-/// Two passes over the window (no E[x^2] - E[x]^2), the weights kept between them; differences are limited to 1e18, so V is
-/// at most ~1e37 and finite. Units: luminance squared. Border: taps outside, not hit, not finite, or of another id have
-/// weight 0. Where nothing was hit the colour keeps its planes and V is -1 (StoreFiltered gives 0).
-/// Source: Schied et al. 2017, section 4.2; the boost 4/h as in Falcor's SVGF pass.
+/// Two passes over the window (no E[x^2] - E[x]^2), the weights kept between them; differences are limited to 1e18, so
+/// V is at most ~1e37 and finite. Units: luminance squared. Border: taps outside, not hit, not finite, or of another id
+/// have weight 0. Where nothing was hit the colour keeps its planes and V is -1 (StoreFiltered gives 0). Source: Schied
+/// et al. 2017, section 4.2; the boost 4/h as in Falcor's SVGF pass.
 struct VariancePass
 {
   static constexpr int Radius = 3;

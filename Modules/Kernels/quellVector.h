@@ -21,10 +21,23 @@ struct Vec3
   T x{}, y{}, z{};
 
   constexpr Vec3() = default;
-  constexpr Vec3(T a, T b, T c) : x(a), y(b), z(c) {}
-  constexpr explicit Vec3(T a) : x(a), y(a), z(a) {}
+  constexpr Vec3(T a, T b, T c)
+    : x(a)
+    , y(b)
+    , z(c)
+  {
+  }
+  constexpr explicit Vec3(T a)
+    : x(a)
+    , y(a)
+    , z(a)
+  {
+  }
   template <class U>
-  constexpr explicit Vec3(const Vec3<U>& o) : x(T(o.x)), y(T(o.y)), z(T(o.z))
+  constexpr explicit Vec3(const Vec3<U>& o)
+    : x(T(o.x))
+    , y(T(o.y))
+    , z(T(o.z))
   {
   }
   T& operator[](int i) { return i == 0 ? x : i == 1 ? y : z; }

@@ -79,8 +79,8 @@ void CheckFinite(const ImageIn& image, const char* what)
   const std::int64_t bad = CountNonFinite(image, x, y);
   if (bad > 0)
     throw StageError("the " + std::string(what) + " has " + std::to_string(bad) + " non-finite pixel" +
-      (bad == 1 ? "" : "s") + ", the first at column " + std::to_string(x) + ", row " + std::to_string(y) +
-      " from the bottom");
+                     (bad == 1 ? "" : "s") + ", the first at column " + std::to_string(x) + ", row " +
+                     std::to_string(y) + " from the bottom");
 }
 
 void Check(const Metric& metric, const ImageIn& test, const ImageIn& reference)
@@ -91,9 +91,8 @@ void Check(const Metric& metric, const ImageIn& test, const ImageIn& reference)
     throw StageError("the image is " + SizeText(test) + ", the reference " + SizeText(reference));
   if (test.components != reference.components)
     throw StageError("the image has " + std::to_string(test.components) + " channels, the reference " +
-      std::to_string(reference.components));
-  if (metric.How == Method::Ssim &&
-    std::min(test.extent.width(), test.extent.height()) < 2 * SsimRadius + 1)
+                     std::to_string(reference.components));
+  if (metric.How == Method::Ssim && std::min(test.extent.width(), test.extent.height()) < 2 * SsimRadius + 1)
     throw StageError(std::string(metric.Name) + " needs at least 11 x 11 pixels, the image is " + SizeText(test));
   if ((metric.How == Method::Flip || metric.How == Method::HdrFlip) && test.components != 3)
     throw StageError(std::string(metric.Name) + " needs 3 channels, the image has " + std::to_string(test.components));
@@ -111,10 +110,12 @@ void ForRows(int height, const std::function<void(int, int)>& body)
 double SumOfRows(int height, const std::function<double(int)>& row)
 {
   std::vector<double> sums(height);
-  ForRows(height, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y)
-      sums[y] = row(y);
-  });
+  ForRows(height,
+    [&](int begin, int end)
+    {
+      for (int y = begin; y < end; ++y)
+        sums[y] = row(y);
+    });
   double sum = 0;
   for (double s : sums)
     sum += s;
@@ -130,31 +131,35 @@ std::vector<double> SsimMap(const ImageIn& test, const ImageIn& reference, bool 
   const auto value = tone ? ToneForMetrics : ClampForMetrics;
   for (int c = 0; c < channels; ++c)
   {
-    ForRows(h, [&](int begin, int end) {
-      std::vector<double> a(w), b(w);
-      for (int y = begin; y < end; ++y)
+    ForRows(h,
+      [&](int begin, int end)
       {
-        for (int x = 0; x < w; ++x)
+        std::vector<double> a(w), b(w);
+        for (int y = begin; y < end; ++y)
         {
-          a[x] = value(test.at(test.extent.x0 + x, test.extent.y0 + y)[c]);
-          b[x] = value(reference.at(reference.extent.x0 + x, reference.extent.y0 + y)[c]);
-        }
-        SsimRow(a.data(), b.data(), w, &rows[5 * (std::size_t(y) * w)]);
-      }
-    });
-    ForRows(h, [&](int begin, int end) {
-      for (int y = begin; y < end; ++y)
-        for (int x = 0; x < w; ++x)
-        {
-          const double* around[2 * SsimRadius + 1];
-          for (int j = -SsimRadius; j <= SsimRadius; ++j)
+          for (int x = 0; x < w; ++x)
           {
-            const int v = std::min(std::max(y + j, 0), h - 1);
-            around[j + SsimRadius] = &rows[5 * (std::size_t(v) * w + x)];
+            a[x] = value(test.at(test.extent.x0 + x, test.extent.y0 + y)[c]);
+            b[x] = value(reference.at(reference.extent.x0 + x, reference.extent.y0 + y)[c]);
           }
-          map[std::size_t(y) * w + x] += SsimAt(around, 1.) / channels;
+          SsimRow(a.data(), b.data(), w, &rows[5 * (std::size_t(y) * w)]);
         }
-    });
+      });
+    ForRows(h,
+      [&](int begin, int end)
+      {
+        for (int y = begin; y < end; ++y)
+          for (int x = 0; x < w; ++x)
+          {
+            const double* around[2 * SsimRadius + 1];
+            for (int j = -SsimRadius; j <= SsimRadius; ++j)
+            {
+              const int v = std::min(std::max(y + j, 0), h - 1);
+              around[j + SsimRadius] = &rows[5 * (std::size_t(v) * w + x)];
+            }
+            map[std::size_t(y) * w + x] += SsimAt(around, 1.) / channels;
+          }
+      });
   }
   return map;
 }
@@ -214,14 +219,16 @@ std::vector<double> FlipMap(const ImageIn& test, const ImageIn& reference, bool 
   {
     a.Fill(test, hdr, exposures.at(i));
     b.Fill(reference, hdr, exposures.at(i));
-    ForRows(h, [&](int begin, int end) {
-      for (int y = begin; y < end; ++y)
-        for (int x = 0; x < w; ++x)
-        {
-          double& v = map[std::size_t(y) * w + x];
-          v = std::max(v, FlipPixel(a.Image, b.Image, x, y));
-        }
-    });
+    ForRows(h,
+      [&](int begin, int end)
+      {
+        for (int y = begin; y < end; ++y)
+          for (int x = 0; x < w; ++x)
+          {
+            double& v = map[std::size_t(y) * w + x];
+            v = std::max(v, FlipPixel(a.Image, b.Image, x, y));
+          }
+      });
   }
   return map;
 }
@@ -273,11 +280,13 @@ double ComputeMetric(const std::string& name, const ImageIn& test, const ImageIn
     case Method::Trimmed:
     {
       std::vector<double> errors(pixels), scratch(pixels);
-      ForRows(h, [&](int begin, int end) {
-        for (int y = begin; y < end; ++y)
-          for (int x = 0; x < w; ++x)
-            errors[std::size_t(y) * w + x] = PixelErrorAt(metric.Kind, test, reference, x, y);
-      });
+      ForRows(h,
+        [&](int begin, int end)
+        {
+          for (int y = begin; y < end; ++y)
+            for (int x = 0; x < w; ++x)
+              errors[std::size_t(y) * w + x] = PixelErrorAt(metric.Kind, test, reference, x, y);
+        });
       const std::int64_t leftOut = pixels / 1000;
       return TrimmedSum(errors.data(), scratch.data(), pixels, leftOut) / double(pixels - leftOut);
     }
@@ -313,11 +322,13 @@ void ComputeErrorMap(const std::string& name, const ImageIn& test, const ImageIn
   }
   else if (metric.How == Method::Flip || metric.How == Method::HdrFlip)
     values = FlipMap(test, reference, metric.How == Method::HdrFlip);
-  ForRows(h, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y)
-      for (int x = 0; x < w; ++x)
-        *map.at(map.extent.x0 + x, map.extent.y0 + y) =
-          float(values.empty() ? PixelErrorAt(metric.Kind, test, reference, x, y) : values[std::size_t(y) * w + x]);
-  });
+  ForRows(h,
+    [&](int begin, int end)
+    {
+      for (int y = begin; y < end; ++y)
+        for (int x = 0; x < w; ++x)
+          *map.at(map.extent.x0 + x, map.extent.y0 + y) =
+            float(values.empty() ? PixelErrorAt(metric.Kind, test, reference, x, y) : values[std::size_t(y) * w + x]);
+    });
 }
 }

@@ -60,7 +60,8 @@ std::string Sentence(const std::string& metric, double value, const double* nois
     return text;
   const std::string theirs = " the noisy input's " + Format(number, *noisy);
   if (psnr)
-    return text + ", " + Format("%.2f dB", std::fabs(value - *noisy)) + (value >= *noisy ? " above" : " below") + theirs;
+    return text + ", " + Format("%.2f dB", std::fabs(value - *noisy)) + (value >= *noisy ? " above" : " below") +
+           theirs;
   if (quell::HigherIsBetter(metric))
     return text + ", " + (value >= *noisy ? "above" : "below") + theirs;
   if (value == *noisy)
@@ -68,7 +69,7 @@ std::string Sentence(const std::string& metric, double value, const double* nois
   if (!(value > 0) || !(*noisy > 0))
     return text + (value < *noisy ? ", lower than" : ", higher than") + theirs;
   return text + ", " + Format("%.3g", value < *noisy ? *noisy / value : value / *noisy) + " times " +
-    (value < *noisy ? "lower" : "higher") + " than" + theirs;
+         (value < *noisy ? "lower" : "higher") + " than" + theirs;
 }
 }
 
@@ -87,8 +88,9 @@ void vtkQuellCompareImages::Describe(quell::StageDescription& d)
   for (const std::string& name : quell::MetricNames())
     names += (names.empty() ? "" : ", ") + name;
   d.Details = "Metrics: " + names +
-    ".\n\nWhere the reference has another size, or (as far as both frames say) another scene or camera, or a pixel is not "
-    "finite, the report says `not compared` and why, and a warning is kept; the run goes on.";
+              ".\n\nWhere the reference has another size, or (as far as both frames say) another scene or camera, or a "
+              "pixel is not "
+              "finite, the report says `not compared` and why, and a warning is kept; the run goes on.";
   d.Sink = true;
   d.Input("image", ArrayKind::Color, "radiance", "the image to judge");
   d.Input("reference", ArrayKind::Color, "radiance", "what it should look like; may have another size");
@@ -142,8 +144,7 @@ std::string vtkQuellCompareImages::Compare(quell::StageFrame& frame)
 {
   const quell::ImageIn whole = frame.Input(Reference);
   if (whole.extent.width() != frame.Whole().width() || whole.extent.height() != frame.Whole().height())
-    throw quell::StageError(
-      "the reference is " + SizeText(whole.extent) + ", the image " + SizeText(frame.Whole()));
+    throw quell::StageError("the reference is " + SizeText(whole.extent) + ", the image " + SizeText(frame.Whole()));
   const quell::FrameFacts ours = frame.Facts(Image), theirs = frame.Facts(Reference);
   if (!ours.Scene.empty() && !theirs.Scene.empty() && ours.Scene != theirs.Scene)
     throw quell::StageError("the reference is of another scene");
@@ -155,8 +156,7 @@ std::string vtkQuellCompareImages::Compare(quell::StageFrame& frame)
   // The reference may sit elsewhere in its own coordinates.
   const quell::Rect& e = whole.extent;
   const int dx = e.x0 - frame.Whole().x0, dy = e.y0 - frame.Whole().y0;
-  const quell::ImageIn reference =
-    Crop(whole, { region.x0 + dx, region.y0 + dy, region.x1 + dx, region.y1 + dy });
+  const quell::ImageIn reference = Crop(whole, { region.x0 + dx, region.y0 + dy, region.x1 + dx, region.y1 + dy });
 
   std::string report;
   std::istringstream names(this->Metrics);

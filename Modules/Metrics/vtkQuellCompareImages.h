@@ -3,8 +3,8 @@
  * @class   vtkQuellCompareImages
  * @brief   measures an image against a reference and reports it in one line
  *
- * GetReport() gives e.g. "beauty: relMSE 0.00123, 47.1 times lower than the noisy input's 0.0579 (reference cornell.exr)"
- * after an update; metrics are those of quellMetrics.h. Output: `error`, the relMSE of each pixel.
+ * GetReport() gives e.g. "beauty: relMSE 0.00123, 47.1 times lower than the noisy input's 0.0579 (reference
+ * cornell.exr)" after an update; metrics are those of quellMetrics.h. Output: `error`, the relMSE of each pixel.
  *
  * Where the reference does not show what is rendered (another size, scene or camera, as far as both frames say), where
  * a pixel is not finite or a metric cannot be computed, the report says "not compared: ..." with the reason, a warning

@@ -34,14 +34,18 @@ static_assert(sizeof(float) == 4 && sizeof(double) == 8, "the file's number form
 
 std::string RegionText(const std::optional<DisplayRegion>& r)
 {
-  return r ? std::to_string(r->X0) + "," + std::to_string(r->Y0) + "," + std::to_string(r->X1) + "," + std::to_string(r->Y1)
+  return r ? std::to_string(r->X0) + "," + std::to_string(r->Y0) + "," + std::to_string(r->X1) + "," +
+               std::to_string(r->Y1)
            : "the whole frame";
 }
 
 class Writer
 {
 public:
-  Writer(const std::string& file) : Stream(file, std::ios::binary | std::ios::trunc) {}
+  Writer(const std::string& file)
+    : Stream(file, std::ios::binary | std::ios::trunc)
+  {
+  }
 
   void Bytes(const void* data, std::size_t bytes)
   {
@@ -142,7 +146,8 @@ void WriteImage(Writer& w, vtkImageData* image, const std::string& producer)
 class Reader
 {
 public:
-  Reader(const std::string& file) : Stream(file, std::ios::binary)
+  Reader(const std::string& file)
+    : Stream(file, std::ios::binary)
   {
     std::error_code code;
     this->Left = fs::is_regular_file(file, code) ? fs::file_size(file, code) : 0;
@@ -229,7 +234,7 @@ vtkSmartPointer<vtkImageData> ReadImage(Reader& r)
     {
       throw StageError("damaged: an array has " + std::to_string(components) + " components");
     }
-    r.Need(pixels * components * sizeof(float));  // at most 2^40 * 64 * 4
+    r.Need(pixels * components * sizeof(float)); // at most 2^40 * 64 * 4
     vtkNew<vtkFloatArray> array;
     array->SetName(name.c_str());
     array->SetNumberOfComponents(int(components));
@@ -336,8 +341,9 @@ RunIdentity IdentityOf(
     for (const GraphEdge& e : node.Inputs)
     {
       const std::string label = title + "input " + Quoted(node.Description().Inputs[std::size_t(e.Port)].Name) +
-        (e.Connection > 0 ? " " + std::to_string(e.Connection + 1) : "");
-      std::string text = graph.Nodes[std::size_t(e.Producer)].Path + ":" + e.Array + (e.Delayed ? " of the previous frame" : "");
+                                (e.Connection > 0 ? " " + std::to_string(e.Connection + 1) : "");
+      std::string text =
+        graph.Nodes[std::size_t(e.Producer)].Path + ":" + e.Array + (e.Delayed ? " of the previous frame" : "");
       for (const auto& a : e.Attributes)
       {
         text += " " + a.first + "=" + a.second;
@@ -404,13 +410,15 @@ void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
       for (int a = 0; a < i.second->GetPointData()->GetNumberOfArrays(); ++a)
       {
         vtkAbstractArray* array = i.second->GetPointData()->GetAbstractArray(a);
-        size += strings(array->GetName() ? array->GetName() : "") + 4 + std::uint64_t(array->GetNumberOfValues()) * sizeof(float);
+        size += strings(array->GetName() ? array->GetName() : "") + 4 +
+                std::uint64_t(array->GetNumberOfValues()) * sizeof(float);
       }
       for (int a = 0; a < i.second->GetFieldData()->GetNumberOfArrays(); ++a)
       {
         vtkAbstractArray* array = i.second->GetFieldData()->GetAbstractArray(a);
         vtkStringArray* text = vtkStringArray::SafeDownCast(array);
-        if (!array->GetName() || (!text && !vtkDoubleArray::SafeDownCast(array) && !vtkLongLongArray::SafeDownCast(array)))
+        if (!array->GetName() ||
+            (!text && !vtkDoubleArray::SafeDownCast(array) && !vtkLongLongArray::SafeDownCast(array)))
         {
           continue;
         }
@@ -471,12 +479,14 @@ Checkpoint ReadCheckpoint(const std::string& file)
     const std::uint32_t version = r.Number<std::uint32_t>();
     if (version != FormatVersion)
     {
-      throw StageError("of format version " + std::to_string(version) + ", this program reads " + std::to_string(FormatVersion));
+      throw StageError(
+        "of format version " + std::to_string(version) + ", this program reads " + std::to_string(FormatVersion));
     }
     const std::uint64_t size = r.Number<std::uint64_t>();
     if (size != r.Size)
     {
-      throw StageError("damaged or truncated: it has " + std::to_string(r.Size) + " bytes and should have " + std::to_string(size));
+      throw StageError(
+        "damaged or truncated: it has " + std::to_string(r.Size) + " bytes and should have " + std::to_string(size));
     }
     Checkpoint checkpoint;
     checkpoint.Tick = r.Number<std::int32_t>();

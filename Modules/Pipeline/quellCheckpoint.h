@@ -19,7 +19,8 @@ using RunIdentity = std::map<std::string, std::string>;
 /// `start`: the first frame that the run computes, those before the first one written included.
 VTKQUELLPIPELINE_EXPORT RunIdentity IdentityOf(
   const PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int start, const std::string& version);
-/// "" when equal, else a sentence about the first difference: `node "taa" (TemporalAntialias): Alpha was 0.1 and is 0.2`.
+/// "" when equal, else a sentence about the first difference: `node "taa" (TemporalAntialias): Alpha was 0.1 and is
+/// 0.2`.
 VTKQUELLPIPELINE_EXPORT std::string DifferenceOf(const RunIdentity& before, const RunIdentity& now);
 
 /// The state of a run after a frame, as a file. Little endian, lengths as u32 or u64, no padding:
@@ -28,7 +29,8 @@ VTKQUELLPIPELINE_EXPORT std::string DifferenceOf(const RunIdentity& before, cons
 ///     u32 n, n x { string label, string value }                                     the identity
 ///     u32 n, n x { string producer, i32 extent[4] (x0, x1, y0, y1 inclusive), f64 origin[3], f64 spacing[3],
 ///                  u32 m, m x { string name, u32 components, float32 values[] },     rows from the bottom
-///                  u32 f, f x { string name, u8 kind, u32 count, values }            field data: 0 f64, 1 i64, 2 string
+///                  u32 f, f x { string name, u8 kind, u32 count, values }            field data: 0 f64, 1 i64, 2
+///                  string
 ///     u64 ContentHash of everything before
 ///
 /// where a string is a u32 length and that many bytes.
@@ -45,8 +47,8 @@ VTKQUELLPIPELINE_EXPORT void WriteCheckpoint(const std::string& file, const Chec
 /// before anything of that size is allocated.
 VTKQUELLPIPELINE_EXPORT Checkpoint ReadCheckpoint(const std::string& file);
 
-/// Gives the executor the history of the checkpoint. False (with a sentence) when what the next frame reads is not in it
-/// or has another size; then nothing is changed.
+/// Gives the executor the history of the checkpoint. False (with a sentence) when what the next frame reads is not in
+/// it or has another size; then nothing is changed.
 VTKQUELLPIPELINE_EXPORT bool Restore(PipelineExecutor& executor, const Checkpoint& checkpoint, std::string& error);
 
 /// `<directory of the first file written>/<name of the pipeline file>.checkpoint`.

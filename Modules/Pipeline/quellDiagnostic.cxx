@@ -43,7 +43,7 @@ void Diagnostics::Add(Diagnostic d)
   for (const Diagnostic& known : this->Messages)
   {
     if (known.Level == d.Level && known.Place.Line == d.Place.Line && known.Place.Column == d.Place.Column &&
-      known.What == d.What && known.Where == d.Where && known.Place.File == d.Place.File)
+        known.What == d.What && known.Where == d.Where && known.Place.File == d.Place.File)
     {
       return;
     }
@@ -91,14 +91,16 @@ void Diagnostics::Sort()
   {
     order.emplace(d.Place.File, int(order.size()));
   }
-  std::stable_sort(this->Messages.begin(), this->Messages.end(), [&order](const Diagnostic& a, const Diagnostic& b) {
-    const int fa = order[a.Place.File], fb = order[b.Place.File];
-    if (fa != fb)
+  std::stable_sort(this->Messages.begin(), this->Messages.end(),
+    [&order](const Diagnostic& a, const Diagnostic& b)
     {
-      return fa < fb;
-    }
-    return a.Place.Line != b.Place.Line ? a.Place.Line < b.Place.Line : a.Place.Column < b.Place.Column;
-  });
+      const int fa = order[a.Place.File], fb = order[b.Place.File];
+      if (fa != fb)
+      {
+        return fa < fb;
+      }
+      return a.Place.Line != b.Place.Line ? a.Place.Line < b.Place.Line : a.Place.Column < b.Place.Column;
+    });
 }
 
 std::string Diagnostics::ToText() const
@@ -117,7 +119,7 @@ std::string Quoted(const std::string& text)
   std::string out = "\"";
   for (unsigned char c : text)
   {
-    if (out.size() > limit && (c & 0xC0) != 0x80)  // never inside a UTF-8 sequence
+    if (out.size() > limit && (c & 0xC0) != 0x80) // never inside a UTF-8 sequence
     {
       out += "...";
       break;
@@ -146,7 +148,7 @@ std::string DidYouMean(const std::string& name, const std::vector<std::string>& 
   const std::string nearest = NearestName(name, names);
   // Any two names of a letter or two are near; then only one that contains the other is worth saying.
   if (nearest.empty() ||
-    (name.size() <= 2 && nearest.find(name) == std::string::npos && name.find(nearest) == std::string::npos))
+      (name.size() <= 2 && nearest.find(name) == std::string::npos && name.find(nearest) == std::string::npos))
   {
     return {};
   }

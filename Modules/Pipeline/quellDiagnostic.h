@@ -16,7 +16,7 @@ struct VTKQUELLPIPELINE_EXPORT SourceLocation
   int Line = 0;
   int Column = 0;
 
-  std::string ToText() const;  ///< `file:line:col`, or `file` where there is no line
+  std::string ToText() const; ///< `file:line:col`, or `file` where there is no line
 };
 
 enum class Severity
@@ -30,11 +30,11 @@ struct VTKQUELLPIPELINE_EXPORT Diagnostic
 {
   Severity Level = Severity::Error;
   SourceLocation Place;
-  std::string Where;                 ///< `node "atrous" (ATrousFilter)`; may be empty
+  std::string Where; ///< `node "atrous" (ATrousFilter)`; may be empty
   std::string What;
-  std::string Hint;                  ///< may be empty
-  std::vector<std::string> Context;  ///< `in instance ...` lines, innermost first
-  std::string Node;                  ///< path of the node concerned, for viewers; may be empty
+  std::string Hint;                 ///< may be empty
+  std::vector<std::string> Context; ///< `in instance ...` lines, innermost first
+  std::string Node;                 ///< path of the node concerned, for viewers; may be empty
 
   /// `file:line:col: error: where: what; hint` and one indented line per context; no newline at the end.
   std::string ToText() const;
@@ -45,8 +45,10 @@ class VTKQUELLPIPELINE_EXPORT Diagnostics
 {
 public:
   void Add(Diagnostic d);
-  void Error(const SourceLocation& place, const std::string& where, const std::string& what, const std::string& hint = {});
-  void Warning(const SourceLocation& place, const std::string& where, const std::string& what, const std::string& hint = {});
+  void Error(
+    const SourceLocation& place, const std::string& where, const std::string& what, const std::string& hint = {});
+  void Warning(
+    const SourceLocation& place, const std::string& where, const std::string& what, const std::string& hint = {});
 
   bool HasErrors() const { return this->Errors > 0; }
   int ErrorCount() const { return this->Errors; }

@@ -22,7 +22,7 @@ std::string Joined(const std::vector<std::string>& names)
 std::string RegionText(const Rect& r, int height)
 {
   return std::to_string(r.x0) + "," + std::to_string(height - r.y1) + "," + std::to_string(r.x1) + "," +
-    std::to_string(height - r.y0);
+         std::to_string(height - r.y0);
 }
 
 std::string DotQuoted(const std::string& s)
@@ -134,7 +134,8 @@ std::string HistoryText(const HistoryPlan& history)
   {
     return std::string();
   }
-  const std::string frames = history.Frames == 1 ? "1 frame before is" : std::to_string(history.Frames) + " frames before are";
+  const std::string frames =
+    history.Frames == 1 ? "1 frame before is" : std::to_string(history.Frames) + " frames before are";
   const std::string text = "history: " + frames + " computed and not written";
   if (history.RestWeight == 0)
   {
@@ -145,8 +146,8 @@ std::string HistoryText(const HistoryPlan& history)
   return text + "; those before them would have had a weight of at most " + weight;
 }
 
-ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end,
-  double tolerance)
+ExecutionPlan MakePlan(
+  PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end, double tolerance)
 {
   const Graph& graph = executor.GetGraph();
   ExecutionPlan plan;
@@ -167,8 +168,8 @@ ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRe
   {
     if (!live[n])
     {
-      plan.LeftOut.emplace_back("node " + Quoted(graph.Nodes[n].Path) + " (" + graph.Nodes[n].Type + ")",
-        "no output that is written needs it");
+      plan.LeftOut.emplace_back(
+        "node " + Quoted(graph.Nodes[n].Path) + " (" + graph.Nodes[n].Type + ")", "no output that is written needs it");
     }
   }
 
@@ -268,8 +269,8 @@ ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRe
       planned.Keeps.assign(kept->second.begin(), kept->second.end());
       for (const OutputArray& a : graph.Arrays(int(n)))
       {
-        planned.KeptBytes += kept->second.count(a.Name)
-          ? double(d.Region.area()) * std::max(1, a.Components) * double(sizeof(float)) : 0.;
+        planned.KeptBytes +=
+          kept->second.count(a.Name) ? double(d.Region.area()) * std::max(1, a.Components) * double(sizeof(float)) : 0.;
       }
     }
     for (const GraphEdge& e : node.Inputs)
@@ -290,8 +291,7 @@ ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRe
       Demand& up = demand[std::size_t(e.Producer)];
       const Rect& whole = wholes[std::size_t(e.Producer)];
       up.Any = true;
-      up.Region = up.Region.united(
-        stage->AllowsOtherExtent(e.Port) ? whole : d.Region.grown(read.Halo).clipped(whole));
+      up.Region = up.Region.united(stage->AllowsOtherExtent(e.Port) ? whole : d.Region.grown(read.Halo).clipped(whole));
       if (read.Needed)
       {
         up.Asked.insert(e.Array);
@@ -331,7 +331,7 @@ std::string PlanText(const ExecutionPlan& plan)
   const int frames = plan.EndTick - plan.FirstTick;
   out += frames == 1 ? "frame " + std::to_string(plan.FirstTick)
                      : "frames " + std::to_string(plan.FirstTick) + " to " + std::to_string(plan.EndTick - 1) + " (" +
-      std::to_string(frames) + " at " + detail::FormatDouble(plan.Ticks.Rate) + " per second)";
+                         std::to_string(frames) + " at " + detail::FormatDouble(plan.Ticks.Rate) + " per second)";
   if (plan.Width > 0)
   {
     out += ", " + std::to_string(plan.Width) + " x " + std::to_string(plan.Height) + " pixels";
@@ -352,8 +352,7 @@ std::string PlanText(const ExecutionPlan& plan)
   for (const auto& o : plan.Outputs)
   {
     out += "  " + o.Name + " = " + o.From;
-    out += o.File.empty() ? " (no file: not written)"
-                          : " -> " + o.File + (o.EveryFrame ? "" : " (the last frame)");
+    out += o.File.empty() ? " (no file: not written)" : " -> " + o.File + (o.EveryFrame ? "" : " (the last frame)");
     out += "\n";
   }
   out += "plan:\n";
@@ -444,15 +443,18 @@ std::string PlanDot(const ExecutionPlan& plan)
   std::string out = "digraph quell {\n  rankdir=LR;\n  node [shape=box];\n";
   for (const PlannedNode& n : plan.Nodes)
   {
-    out += "  " + DotQuoted(n.Path) + " [label=" + DotQuoted(n.Path + " | " + n.Type + " | " + RegionText(n.Region, plan.Height)) +
-      "];\n";
+    out += "  " + DotQuoted(n.Path) +
+           " [label=" + DotQuoted(n.Path + " | " + n.Type + " | " + RegionText(n.Region, plan.Height)) + "];\n";
   }
   for (const PlannedNode& n : plan.Nodes)
   {
     for (const auto& r : n.Reads)
     {
       out += "  " + DotQuoted(r.Producer) + " -> " + DotQuoted(n.Path) + " [label=" + DotQuoted(r.Array) +
-        (r.Delayed ? ", style=dashed, constraint=false" : r.Needed ? "" : ", color=gray") + "];\n";
+             (r.Delayed   ? ", style=dashed, constraint=false"
+               : r.Needed ? ""
+                          : ", color=gray") +
+             "];\n";
     }
   }
   return out + "}\n";

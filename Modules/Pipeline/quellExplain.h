@@ -19,19 +19,19 @@ struct PlannedNode
   {
     std::string Port, Producer, Array;
     bool Delayed = false;
-    bool Needed = true;  ///< false: connected, but not read for what is asked
+    bool Needed = true; ///< false: connected, but not read for what is asked
     int Halo = 0;
   };
   std::string Path, Type;
-  bool Executes = true;  ///< false: only passes arrays on
-  Rect Region;           ///< rows from the bottom, as stages see it
+  bool Executes = true; ///< false: only passes arrays on
+  Rect Region;          ///< rows from the bottom, as stages see it
   std::vector<Read> Reads;
-  std::vector<std::string> Makes, Passes, LeftOut;  ///< LeftOut: described outputs that nobody reads
-  std::vector<std::string> Keeps;                   ///< read by the next frame; the node runs on the whole frame
-  double Bytes = 0;                                 ///< of arrays made per frame
-  double KeptBytes = 0;                             ///< of those kept for the next one
-  std::vector<std::string> Notes;                   ///< what the stage itself leaves out and why
-  std::vector<std::pair<std::string, std::string>> Properties;  ///< that differ from the default
+  std::vector<std::string> Makes, Passes, LeftOut; ///< LeftOut: described outputs that nobody reads
+  std::vector<std::string> Keeps;                  ///< read by the next frame; the node runs on the whole frame
+  double Bytes = 0;                                ///< of arrays made per frame
+  double KeptBytes = 0;                            ///< of those kept for the next one
+  std::vector<std::string> Notes;                  ///< what the stage itself leaves out and why
+  std::vector<std::pair<std::string, std::string>> Properties; ///< that differ from the default
 };
 
 /// The plan of a run: what would be executed, in order, and what not and why.
@@ -45,35 +45,38 @@ struct ExecutionPlan
   std::string File;
   int Width = 0, Height = 0;
   Timeline Ticks;
-  int FirstTick = 0, EndTick = 0;  ///< frames written: [FirstTick, EndTick)
-  int WarmUp = 0;                  ///< frames before FirstTick that are computed for their history
-  double RestWeight = 0;           ///< see HistoryPlan
+  int FirstTick = 0, EndTick = 0; ///< frames written: [FirstTick, EndTick)
+  int WarmUp = 0;                 ///< frames before FirstTick that are computed for their history
+  double RestWeight = 0;          ///< see HistoryPlan
   std::vector<std::pair<std::string, std::string>> Variables;
   std::vector<Output> Outputs;
   std::vector<PlannedNode> Nodes;
-  std::vector<std::pair<std::string, std::string>> LeftOut;  ///< `node "x" (T)` -> why
-  std::string Error;                                         ///< why the plan is not complete
+  std::vector<std::pair<std::string, std::string>> LeftOut; ///< `node "x" (T)` -> why
+  std::string Error;                                        ///< why the plan is not complete
 };
 
 /// Asks every live stage for its information (which opens no more than headers) and propagates demand as a pass would;
 /// executes nothing. Frames: the run's [first, end), as quell run takes them; `tolerance` as for PlanHistory.
-VTKQUELLPIPELINE_EXPORT ExecutionPlan MakePlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region,
-  int first, int end, double tolerance = 1e-3);
+VTKQUELLPIPELINE_EXPORT ExecutionPlan MakePlan(
+  PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end, double tolerance = 1e-3);
 
 /// Frames that a run computes before the first one it writes.
 struct HistoryPlan
 {
   int Frames = 0;
-  double RestWeight = 0;  ///< largest weight that still earlier frames would have had; 0: the bits are those of a full run
+  double RestWeight =
+    0; ///< largest weight that still earlier frames would have had; 0: the bits are those of a full run
 };
 
-/// The fewest frames before `first` that bring the weight of all frames before them to `tolerance` or below in everything
-/// written; all since the timeline's first when that many do not exist or a loop never forgets (vtkQuellStage::HistoryWeight).
+/// The fewest frames before `first` that bring the weight of all frames before them to `tolerance` or below in
+/// everything written; all since the timeline's first when that many do not exist or a loop never forgets
+/// (vtkQuellStage::HistoryWeight).
 ///
-/// With T_n(v) the weight of frames n or more back in what v makes now, T_0 = 1, T_n(source) = 0, and for an input of weight w
-/// from u (T_n(u), or T_{n-1}(u) where it is delayed): T_n(v) = A + max over inputs with w < 1 of w max(0, T(u) - A), where A is
-/// the largest T over inputs with w = 1. k frames before leave T_{k+1}. A single loop of weight w leaves w^(k+1); chained loops
-/// are convolved, not multiplied. Averages are meant: what filters decide from them (edge stops, clipping) is not bounded.
+/// With T_n(v) the weight of frames n or more back in what v makes now, T_0 = 1, T_n(source) = 0, and for an input of
+/// weight w from u (T_n(u), or T_{n-1}(u) where it is delayed): T_n(v) = A + max over inputs with w < 1 of w max(0,
+/// T(u) - A), where A is the largest T over inputs with w = 1. k frames before leave T_{k+1}. A single loop of weight w
+/// leaves w^(k+1); chained loops are convolved, not multiplied. Averages are meant: what filters decide from them (edge
+/// stops, clipping) is not bounded.
 VTKQUELLPIPELINE_EXPORT HistoryPlan PlanHistory(const PipelineExecutor& executor, int first, double tolerance = 1e-3);
 
 /// "history: ..." of explain and run; empty when nothing is computed before the first frame.

@@ -99,8 +99,8 @@ std::vector<bool> Graph::Needed(const std::vector<int>& targets) const
 
 namespace
 {
-const std::size_t MaximumText = 65536;  // of one expanded value: variables can double and double again
-const int MaximumDepth = 16;            // of nested instances
+const std::size_t MaximumText = 65536; // of one expanded value: variables can double and double again
+const int MaximumDepth = 16;           // of nested instances
 const std::size_t MaximumNodes = 5000;
 
 /// An expanded value and the directory that relative paths in it are seen from.
@@ -151,15 +151,15 @@ struct Who
 
 struct Instance
 {
-  std::string Path;  ///< "" is the top level
+  std::string Path; ///< "" is the top level
   const PipelineTemplate* Template = nullptr;
-  const PipelineNode* Item = nullptr;  ///< null: a template that nobody instantiates, checked on its own
+  const PipelineNode* Item = nullptr; ///< null: a template that nobody instantiates, checked on its own
   Instance* Parent = nullptr;
   Scope Parameters;
   std::vector<std::string> Context;
   std::string Where;
-  std::vector<std::string> Names;  ///< ids of the nodes and instances in it
-  bool Broken = false;             ///< its template is unknown: say nothing about what refers to it
+  std::vector<std::string> Names; ///< ids of the nodes and instances in it
+  bool Broken = false;            ///< its template is unknown: say nothing about what refers to it
 
   std::string Prefix() const { return this->Path.empty() ? std::string() : this->Path + "/"; }
 };
@@ -174,10 +174,10 @@ struct Reference
 
 struct Endpoint
 {
-  int Node = -1;  ///< -1: unknown because of a mistake already reported
+  int Node = -1; ///< -1: unknown because of a mistake already reported
   std::string Array;
-  bool Delayed = false;  ///< an instance's input on the way says delay="1"
-  Reference Origin;      ///< the innermost text that named the node
+  bool Delayed = false; ///< an instance's input on the way says delay="1"
+  Reference Origin;     ///< the innermost text that named the node
 };
 
 const char* const CommandLine = "command line";
@@ -304,7 +304,11 @@ class Builder
 public:
   Builder(std::shared_ptr<const PipelineDocument> document, const StageRegistry& registry, const GraphOptions& options,
     Diagnostics& diagnostics)
-    : Document(document), Registry(registry), Options(options), Messages(diagnostics), Result(std::make_shared<Graph>())
+    : Document(document)
+    , Registry(registry)
+    , Options(options)
+    , Messages(diagnostics)
+    , Result(std::make_shared<Graph>())
   {
     this->Result->Document = document;
     this->Result->Options = options;
@@ -347,7 +351,8 @@ public:
 
 private:
   // ---- messages -------------------------------------------------------------------------------------------------
-  void Say(Severity level, const SourceLocation& place, const Who& who, const std::string& what, const std::string& hint = {})
+  void Say(
+    Severity level, const SourceLocation& place, const Who& who, const std::string& what, const std::string& hint = {})
   {
     Diagnostic d;
     d.Level = level;
@@ -509,7 +514,7 @@ private:
     value = this->Expand(v.Default, this->Globals, who);
     this->Resolving.pop_back();
     const auto again = this->Globals.Values.find(name);
-    if (again != this->Globals.Values.end())  // found to be part of a loop meanwhile
+    if (again != this->Globals.Values.end()) // found to be part of a loop meanwhile
     {
       return &again->second;
     }
@@ -528,7 +533,8 @@ private:
       if (!this->CheckType(v.Type.Value, value.Text, error))
       {
         who.Where = "-D " + name;
-        this->Error(OnCommandLine(), who, error, "the variable is " + v.Type.Value + ", default " + Quoted(v.Default.Value));
+        this->Error(
+          OnCommandLine(), who, error, "the variable is " + v.Type.Value + ", default " + Quoted(v.Default.Value));
         value.Ok = false;
       }
     }
@@ -618,7 +624,8 @@ private:
     Who who;
     who.Where = "<time>";
     Timeline ticks;
-    const auto whole = [&](const PipelineText& text, const char* name, long long lo, long long hi, int& out) {
+    const auto whole = [&](const PipelineText& text, const char* name, long long lo, long long hi, int& out)
+    {
       if (!text.Given)
       {
         return;
@@ -851,7 +858,8 @@ private:
       {
         const std::vector<std::string> types = this->Registry.Types();
         const std::string near = DidYouMean(type.Text, types);
-        this->Error(item.Type.Place, who, "unknown type " + Quoted(type.Text), near.empty() ? "quell nodes lists the types" : near);
+        this->Error(item.Type.Place, who, "unknown type " + Quoted(type.Text),
+          near.empty() ? "quell nodes lists the types" : near);
       }
     }
     if (node.Stage)
@@ -893,7 +901,8 @@ private:
       {
         names.push_back(t.first);
       }
-      this->Error(item.Type.Place, who, "unknown template " + Quoted(type.Text), this->NearOr(type.Text, names, "templates: "));
+      this->Error(
+        item.Type.Place, who, "unknown template " + Quoted(type.Text), this->NearOr(type.Text, names, "templates: "));
       return;
     }
     const PipelineTemplate* t = found->second;
@@ -918,9 +927,9 @@ private:
     instance.Template = t;
     instance.Where += " (template " + Quoted(t->Name.Value) + ")";
     who.Where = instance.Where;
-    instance.Context.insert(instance.Context.begin(),
-      "in instance " + Quoted(id) + " at " + item.Place.ToText() + ", from template " + Quoted(t->Name.Value) + " at " +
-        t->Place.ToText());
+    instance.Context.insert(instance.Context.begin(), "in instance " + Quoted(id) + " at " + item.Place.ToText() +
+                                                        ", from template " + Quoted(t->Name.Value) + " at " +
+                                                        t->Place.ToText());
 
     std::map<std::string, const PipelineProperty*> given;
     std::vector<std::string> names;
@@ -936,7 +945,8 @@ private:
       }
       if (std::find(names.begin(), names.end(), p.Name.Value) == names.end())
       {
-        this->Error(p.Name.Place, who, "no parameter " + Quoted(p.Name.Value), this->NearOr(p.Name.Value, names, "parameters: "));
+        this->Error(
+          p.Name.Place, who, "no parameter " + Quoted(p.Name.Value), this->NearOr(p.Name.Value, names, "parameters: "));
       }
       else if (!given.emplace(p.Name.Value, &p).second)
       {
@@ -1066,7 +1076,8 @@ private:
       const GraphNode& node = this->Result->Nodes[std::size_t(found->second)];
       if (node.Stage && !node.Description().FindProperty(name))
       {
-        this->Error(OnCommandLine(), who, "node " + Quoted(path) + " (" + node.Type + ") has no property " + Quoted(name),
+        this->Error(OnCommandLine(), who,
+          "node " + Quoted(path) + " (" + node.Type + ") has no property " + Quoted(name),
           this->NearOr(name, PropertyNames(node.Description()), "properties: "));
         continue;
       }
@@ -1110,7 +1121,7 @@ private:
       const Source source = this->Items[n];
       if (!source.Item)
       {
-        continue;  // made for an output
+        continue; // made for an output
       }
       std::map<std::string, SourceLocation> seen;
       for (const PipelineProperty& p : source.Item->Properties)
@@ -1234,7 +1245,7 @@ private:
     {
       const std::string file = at->path().filename().string();
       if (file.size() > head.size() + tail.size() && file.compare(0, head.size(), head) == 0 &&
-        file.compare(file.size() - tail.size(), tail.size(), tail) == 0)
+          file.compare(file.size() - tail.size(), tail.size(), tail) == 0)
       {
         return true;
       }
@@ -1306,7 +1317,7 @@ private:
     }
     if (this->Used.count(path))
     {
-      return { this->Unknown(r) };  // its own mistake is reported
+      return { this->Unknown(r) }; // its own mistake is reported
     }
     std::vector<std::string> names = r.In->Names;
     if (r.In->Path.empty())
@@ -1339,7 +1350,8 @@ private:
     }
     if (std::find(names.begin(), names.end(), port) == names.end())
     {
-      this->Error(r.From->Place, r.About, "template " + Quoted(in.Template->Name.Value) + " has no input port " + Quoted(port),
+      this->Error(r.From->Place, r.About,
+        "template " + Quoted(in.Template->Name.Value) + " has no input port " + Quoted(port),
         this->NearOr(port, names, "ports: "));
       return { this->Unknown(r) };
     }
@@ -1366,7 +1378,8 @@ private:
     return ends.empty() ? std::vector<Endpoint>{ this->Unknown(r) } : ends;
   }
 
-  /// The value of delay="..."; a mistake in it is reported, and counts as a delay, so that it is not called a cycle as well.
+  /// The value of delay="..."; a mistake in it is reported, and counts as a delay, so that it is not called a cycle as
+  /// well.
   bool IsDelayed(const PipelineInput& input, const Reference& r)
   {
     if (!input.Delay.Given)
@@ -1542,11 +1555,13 @@ private:
       {
         names.push_back(p.Name);
       }
-      this->Error(input.Port.Place, source.About, "no input " + Quoted(port.Text), this->NearOr(port.Text, names, "inputs: "));
+      this->Error(
+        input.Port.Place, source.About, "no input " + Quoted(port.Text), this->NearOr(port.Text, names, "inputs: "));
       return;
     }
     const bool delayed = this->IsDelayed(input, r);
-    const bool anyDelayed = delayed || std::any_of(ends.begin(), ends.end(), [](const Endpoint& e) { return e.Delayed; });
+    const bool anyDelayed =
+      delayed || std::any_of(ends.begin(), ends.end(), [](const Endpoint& e) { return e.Delayed; });
     if (anyDelayed && index == 0)
     {
       this->Error(delayed ? input.Delay.Place : input.From.Place, r.About,
@@ -1565,7 +1580,8 @@ private:
       }
       if (optional && index == 0)
       {
-        this->Error(input.Optional.Place, r.About, "the first input of a stage cannot be optional", "it gives the frame its size");
+        this->Error(input.Optional.Place, r.About, "the first input of a stage cannot be optional",
+          "it gives the frame its size");
         optional = false;
       }
     }
@@ -1584,13 +1600,15 @@ private:
       }
       if (first && !spec.Repeatable)
       {
-        this->Error(input.Place, r.About, "is already connected at " + first->Place.ToText(), "it takes one connection");
+        this->Error(
+          input.Place, r.About, "is already connected at " + first->Place.ToText(), "it takes one connection");
         return;
       }
       const bool endDelayed = delayed || end.Delayed;
       if (first && index != 0 && (endDelayed || first->Delayed))
       {
-        this->Error(input.Place, r.About, "a delayed input takes one connection", "it is connected at " + first->Place.ToText());
+        this->Error(
+          input.Place, r.About, "a delayed input takes one connection", "it is connected at " + first->Place.ToText());
         return;
       }
       GraphEdge edge;
@@ -1638,7 +1656,8 @@ private:
       bool connected = d.Inputs[p].Optional;
       for (const PipelineInput& input : source.Item->Inputs)
       {
-        connected = connected || input.Port.Value == d.Inputs[p].Name || input.Port.Value.find("$(") != std::string::npos;
+        connected =
+          connected || input.Port.Value == d.Inputs[p].Name || input.Port.Value.find("$(") != std::string::npos;
       }
       if (!connected)
       {
@@ -1668,7 +1687,8 @@ private:
     return int(this->Result->Nodes.size()) - 1;
   }
 
-  void Link(int reader, int port, const Endpoint& end, const Who& who, const SourceLocation& place, const PipelineText* layer)
+  void Link(
+    int reader, int port, const Endpoint& end, const Who& who, const SourceLocation& place, const PipelineText* layer)
   {
     GraphNode& node = this->Result->Nodes[std::size_t(reader)];
     GraphEdge edge;
@@ -1729,7 +1749,8 @@ private:
         SourceLocation Place;
       };
       std::vector<Layer> layers;
-      const auto add = [&](const PipelineText& from, const PipelineText* name, const SourceLocation& place) {
+      const auto add = [&](const PipelineText& from, const PipelineText* name, const SourceLocation& place)
+      {
         Reference r;
         r.From = &from;
         r.In = &top;
@@ -1749,7 +1770,8 @@ private:
       }
       if (o.View.Given && layers.size() > 1)
       {
-        this->Error(o.View.Place, who, "a view shows one image, but there are " + std::to_string(layers.size()) + " layers");
+        this->Error(
+          o.View.Place, who, "a view shows one image, but there are " + std::to_string(layers.size()) + " layers");
       }
       if (o.Display.Given && !o.View.Given)
       {
@@ -1779,8 +1801,8 @@ private:
         const auto added = written.emplace(output.File, o.Place);
         if (!added.second)
         {
-          this->Error(filePlace, who, Quoted(output.File) + " is already written by the output at " +
-              added.first->second.ToText());
+          this->Error(filePlace, who,
+            Quoted(output.File) + " is already written by the output at " + added.first->second.ToText());
         }
         int view = -1;
         if (o.View.Given)
@@ -1866,13 +1888,15 @@ private:
       }
       if (owner < 0)
       {
-        this->Error(p.Name.Place, who, "no property " + Quoted(name.Text), this->NearOr(name.Text, names, "properties: "));
+        this->Error(
+          p.Name.Place, who, "no property " + Quoted(name.Text), this->NearOr(name.Text, names, "properties: "));
         continue;
       }
       const auto added = seen.emplace(name.Text, p.Place);
       if (!added.second)
       {
-        this->Error(p.Name.Place, who, "property " + Quoted(name.Text) + " is already set at " + added.first->second.ToText());
+        this->Error(
+          p.Name.Place, who, "property " + Quoted(name.Text) + " is already set at " + added.first->second.ToText());
         continue;
       }
       if (!this->Overrides.count({ this->Result->Nodes[std::size_t(owner)].Path, name.Text }))
@@ -1906,11 +1930,13 @@ private:
         files[a.first] = a.second;
         continue;
       }
-      if (a.first.find(':') == std::string::npos && !this->ByPath.count(a.first) && !this->InstanceByPath.count(a.first))
+      if (a.first.find(':') == std::string::npos && !this->ByPath.count(a.first) &&
+          !this->InstanceByPath.count(a.first))
       {
         Who who;
         who.Where = "--output " + a.first;
-        this->Error(OnCommandLine(), who, "no such output", this->NearOr(a.first, names, "outputs: ") + "; or name an array as NODE:ARRAY");
+        this->Error(OnCommandLine(), who, "no such output",
+          this->NearOr(a.first, names, "outputs: ") + "; or name an array as NODE:ARRAY");
         continue;
       }
       PipelineOutput o;
@@ -1929,8 +1955,8 @@ private:
   struct Available
   {
     std::vector<OutputArray> Arrays;
-    bool Known = true;  ///< false: some mistake hides what there is
-    int State = 0;      ///< 0 new, 1 being made, 2 done
+    bool Known = true; ///< false: some mistake hides what there is
+    int State = 0;     ///< 0 new, 1 being made, 2 done
   };
 
   /// A stage's own refusal of its settings, once a node.
@@ -1975,7 +2001,8 @@ private:
     a.State = 1;
     const GraphNode& node = this->Result->Nodes[std::size_t(n)];
     std::set<std::string> seen;
-    const auto add = [&](const std::vector<OutputArray>& arrays) {
+    const auto add = [&](const std::vector<OutputArray>& arrays)
+    {
       for (const OutputArray& o : arrays)
       {
         if (seen.insert(o.Name).second)
@@ -2075,8 +2102,8 @@ private:
   {
     const Available& available = this->ArraysOf(end.Node);
     return available.Known && !end.Array.empty() &&
-      std::none_of(available.Arrays.begin(), available.Arrays.end(),
-        [&end](const OutputArray& a) { return a.Name == end.Array; });
+           std::none_of(available.Arrays.begin(), available.Arrays.end(),
+             [&end](const OutputArray& a) { return a.Name == end.Array; });
   }
 
   /// Takes connections out and numbers those that stay anew.
@@ -2110,8 +2137,8 @@ private:
         this->ArraysOf(int(n));
       }
     }
-    std::map<int, std::set<int>> dropped;  // reader -> edges
-    std::set<std::string> complained;  // texts that a typed template port has refused already
+    std::map<int, std::set<int>> dropped; // reader -> edges
+    std::set<std::string> complained;     // texts that a typed template port has refused already
     const auto key = [](const SourceLocation& p) { return p.ToText(); };
     for (const TypedEnd& t : this->Typed)
     {
@@ -2119,7 +2146,8 @@ private:
       const OutputArray* found = this->FindArrayOf(t.End, array);
       if (found && !Fits(t.Kind, *found))
       {
-        this->Error(t.Place, t.From.About, "wants " + KindText(t.Kind, 0) + ", but " +
+        this->Error(t.Place, t.From.About,
+          "wants " + KindText(t.Kind, 0) + ", but " +
             Quoted(this->Result->Nodes[std::size_t(t.End.Node)].Path + ":" + array) + " is " +
             KindText(found->Kind, found->Components));
         complained.insert(key(t.End.Origin.From->Place));
@@ -2141,7 +2169,8 @@ private:
         }
         else
         {
-          this->Error(p.From.From->Place, p.From.About, "is required, but " + why, "optional=\"1\" is for inputs that the stage can do without");
+          this->Error(p.From.From->Place, p.From.About, "is required, but " + why,
+            "optional=\"1\" is for inputs that the stage can do without");
         }
         continue;
       }
@@ -2154,7 +2183,8 @@ private:
       const InputPort& port = node.Description().Inputs[std::size_t(edge.Port)];
       if (!Fits(port.Kind, *found))
       {
-        this->Error(p.From.From->Place, p.From.About, "wants " + KindText(port.Kind, 0) + ", but " +
+        this->Error(p.From.From->Place, p.From.About,
+          "wants " + KindText(port.Kind, 0) + ", but " +
             Quoted(this->Result->Nodes[std::size_t(p.End.Node)].Path + ":" + array) + " is " +
             KindText(found->Kind, found->Components));
       }
@@ -2166,7 +2196,7 @@ private:
       if (output.Node >= 0)
       {
         Endpoint end = o.second;
-        if (end.Node != output.Node)  // a view lies in between
+        if (end.Node != output.Node) // a view lies in between
         {
           end.Node = output.Node;
           end.Array = output.Array;
@@ -2244,7 +2274,8 @@ private:
     Who who;
     who.Context = this->Result->Nodes[std::size_t(last)].Context;
     who.Node = start;
-    this->Error(closing.Place, who, "cycle: " + loop, "say delay=\"1\" on the input that should read the previous frame");
+    this->Error(
+      closing.Place, who, "cycle: " + loop, "say delay=\"1\" on the input that should read the previous frame");
   }
 
   /// Strongly connected components over edges without delay (Tarjan, without recursion: graphs may be long chains).
@@ -2337,21 +2368,23 @@ private:
   {
     if (this->Messages.HasErrors())
     {
-      return;  // what a misspelt name was to use or feed is not known
+      return; // what a misspelt name was to use or feed is not known
     }
     std::set<std::string> used;
-    EachText(*this->Document, [&used](const PipelineText& text) {
-      const std::string& s = text.Value;
-      for (std::size_t at = 0; (at = s.find("$(", at)) != std::string::npos; at += 2)
+    EachText(*this->Document,
+      [&used](const PipelineText& text)
       {
-        const std::size_t end = s.find(')', at);
-        if (end == std::string::npos)
+        const std::string& s = text.Value;
+        for (std::size_t at = 0; (at = s.find("$(", at)) != std::string::npos; at += 2)
         {
-          break;
+          const std::size_t end = s.find(')', at);
+          if (end == std::string::npos)
+          {
+            break;
+          }
+          used.insert(s.substr(at + 2, end - at - 2));
         }
-        used.insert(s.substr(at + 2, end - at - 2));
-      }
-    });
+      });
     for (const PipelineVariable& v : this->Document->Variables)
     {
       if (v.Name.Given && !used.count(v.Name.Value))
@@ -2400,7 +2433,7 @@ private:
       {
         const GraphNode& node = this->Result->Nodes[n];
         if (!item.IsInstance && node.Place.Line == item.Place.Line && node.Place.Column == item.Place.Column &&
-          node.Place.File == item.Place.File && !needed[n])
+            node.Place.File == item.Place.File && !needed[n])
         {
           Who who;
           who.Where = "node " + Quoted(node.Path);
@@ -2446,11 +2479,11 @@ private:
   std::map<std::string, const PipelineTemplate*> Templates;
   std::set<const PipelineTemplate*> Instantiated;
   std::vector<const PipelineTemplate*> Unused;
-  std::deque<Instance> Instances;  // the first is the top level; addresses stay
+  std::deque<Instance> Instances; // the first is the top level; addresses stay
   std::map<std::string, Instance*> InstanceByPath;
   std::map<std::string, int> ByPath;
   std::map<std::string, SourceLocation> Used;
-  std::vector<Source> Items;  // parallel to Result->Nodes
+  std::vector<Source> Items; // parallel to Result->Nodes
   std::map<std::pair<std::string, std::string>, std::string> Overrides;
   std::set<int> BadProperties;
   std::set<int> Complained;

@@ -21,19 +21,19 @@ namespace quell
 struct GraphOptions
 {
   using Assignments = std::vector<std::pair<std::string, std::string>>;
-  Assignments Defines;             ///< variable -> value
-  Assignments Properties;          ///< "node.Property" -> value; inner nodes as "indirect/atrous.PhiColor"
-  Assignments Outputs;             ///< an output's name or "node:array" -> file
-  std::optional<long long> Seed;   ///< property Seed of every node that has one
-  std::string OutputDirectory;     ///< relative output files are put here; empty: working directory
+  Assignments Defines;           ///< variable -> value
+  Assignments Properties;        ///< "node.Property" -> value; inner nodes as "indirect/atrous.PhiColor"
+  Assignments Outputs;           ///< an output's name or "node:array" -> file
+  std::optional<long long> Seed; ///< property Seed of every node that has one
+  std::string OutputDirectory;   ///< relative output files are put here; empty: working directory
 };
 
 /// One connection of a node's input.
 struct GraphEdge
 {
   int Port = 0;
-  int Connection = 0;  ///< index among the connections of this port
-  int Producer = -1;   ///< index into Graph::Nodes
+  int Connection = 0; ///< index among the connections of this port
+  int Producer = -1;  ///< index into Graph::Nodes
   std::string Array;
   bool Delayed = false;
   std::vector<std::pair<std::string, std::string>> Attributes;
@@ -42,7 +42,7 @@ struct GraphEdge
 
 struct GraphProperty
 {
-  std::string Name, Text;  ///< expanded; paths resolved
+  std::string Name, Text; ///< expanded; paths resolved
   SourceLocation Place;
 };
 
@@ -55,9 +55,9 @@ struct GraphNode
   /// Has the properties set, but no connections; what checks and editors ask. Executors make their own.
   vtkSmartPointer<vtkQuellStage> Stage;
   SourceLocation Place;
-  std::vector<std::string> Context;  ///< instances it is in, innermost first, as sentences
-  bool Internal = false;             ///< made for an output
-  std::vector<std::string> LeftOut;  ///< optional inputs whose producer has no such array, as sentences
+  std::vector<std::string> Context; ///< instances it is in, innermost first, as sentences
+  bool Internal = false;            ///< made for an output
+  std::vector<std::string> LeftOut; ///< optional inputs whose producer has no such array, as sentences
 
   const StageDescription& Description() const { return this->Stage->GetDescription(); }
 };
@@ -65,10 +65,10 @@ struct GraphNode
 struct GraphOutput
 {
   std::string Name;
-  int Node = -1;  ///< producer
+  int Node = -1; ///< producer
   std::string Array;
-  std::string File;  ///< empty: only a name
-  int Writer = -1;   ///< the ImageWriter node, when there is a file
+  std::string File; ///< empty: only a name
+  int Writer = -1;  ///< the ImageWriter node, when there is a file
   SourceLocation Place;
 
   /// A file without #### holds one frame: it is written for the last one of a run.
@@ -81,12 +81,12 @@ struct VTKQUELLPIPELINE_EXPORT Graph
   std::vector<GraphNode> Nodes;
   std::vector<GraphOutput> Outputs;
   Timeline Ticks;
-  std::map<std::string, std::string> Variables;  ///< name -> value in force
-  std::vector<int> Order;                        ///< producers before readers (delayed edges left out)
+  std::map<std::string, std::string> Variables; ///< name -> value in force
+  std::vector<int> Order;                       ///< producers before readers (delayed edges left out)
   std::shared_ptr<const PipelineDocument> Document;
   GraphOptions Options;
 
-  int Find(const std::string& path) const;  ///< -1: none
+  int Find(const std::string& path) const; ///< -1: none
   const GraphOutput* FindOutput(const std::string& name) const;
   /// Arrays that a node can be asked for: described, dynamic and passed through from port 0.
   std::vector<OutputArray> Arrays(int node) const;

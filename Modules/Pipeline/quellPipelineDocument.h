@@ -19,16 +19,24 @@ struct PipelineText
   bool Given = false;
 
   PipelineText() = default;
-  PipelineText(const std::string& value) : Value(value), Given(true) {}
-  PipelineText(const char* value) : Value(value), Given(true) {}
+  PipelineText(const std::string& value)
+    : Value(value)
+    , Given(true)
+  {
+  }
+  PipelineText(const char* value)
+    : Value(value)
+    , Given(true)
+  {
+  }
 };
 
 /// What every element of the file has.
 struct PipelineItem
 {
   SourceLocation Place;
-  std::vector<std::string> Comments;          ///< before the element
-  std::vector<std::string> TrailingComments;  ///< before its end tag
+  std::vector<std::string> Comments;         ///< before the element
+  std::vector<std::string> TrailingComments; ///< before its end tag
 };
 
 /// <variable> and a template's <parameter>.
@@ -87,7 +95,7 @@ struct PipelineLayer : PipelineItem
 struct PipelineOutput : PipelineItem
 {
   PipelineText Name, From, File, View, Display, Doc;
-  std::vector<PipelineProperty> Properties;  ///< of the writer, else of the view's transform
+  std::vector<PipelineProperty> Properties; ///< of the writer, else of the view's transform
   std::vector<PipelineLayer> Layers;
 };
 
@@ -96,7 +104,7 @@ struct PipelineDocument;
 struct PipelineInclude : PipelineItem
 {
   PipelineText File;
-  std::shared_ptr<const PipelineDocument> Content;  ///< null: could not be read, or included before
+  std::shared_ptr<const PipelineDocument> Content; ///< null: could not be read, or included before
 };
 
 struct PipelineTime : PipelineItem
@@ -109,8 +117,8 @@ struct PipelineTime : PipelineItem
 /// included files: two documents are equal when they write the same file.
 struct VTKQUELLPIPELINE_EXPORT PipelineDocument : PipelineItem
 {
-  std::string File;       ///< as given; messages say it
-  std::string Directory;  ///< of File; "" is the working directory
+  std::string File;      ///< as given; messages say it
+  std::string Directory; ///< of File; "" is the working directory
   PipelineText Version, Doc;
   std::vector<PipelineInclude> Includes;
   std::vector<PipelineVariable> Variables;

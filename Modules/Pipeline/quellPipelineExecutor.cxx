@@ -20,7 +20,7 @@ struct PipelineExecutor::Observer
   std::function<void(const std::string&, double)> Progress;
   std::map<vtkObject*, std::string> Names;
   std::string FirstError;
-  vtkQuellStage* FirstFailed = nullptr;  ///< never for being cancelled
+  vtkQuellStage* FirstFailed = nullptr; ///< never for being cancelled
   std::string FailedText;
   std::shared_ptr<CancelToken> Token;
   std::vector<std::string> Warnings;
@@ -29,9 +29,8 @@ struct PipelineExecutor::Observer
   Observer()
   {
     this->Command->SetClientData(this);
-    this->Command->SetCallback([](vtkObject* caller, unsigned long event, void* self, void* data) {
-      static_cast<Observer*>(self)->Handle(caller, event, data);
-    });
+    this->Command->SetCallback([](vtkObject* caller, unsigned long event, void* self, void* data)
+      { static_cast<Observer*>(self)->Handle(caller, event, data); });
   }
 
   void Handle(vtkObject* caller, unsigned long event, void* data)
@@ -50,7 +49,7 @@ struct PipelineExecutor::Observer
           {
             // One failure ends the frame: otherwise what failed would run again on every path that leads to it.
             this->FirstFailed = stage;
-            this->FailedText = stage->GetErrorText();  // the next path to it will say "cancelled"
+            this->FailedText = stage->GetErrorText(); // the next path to it will say "cancelled"
             this->Token->Cancel();
           }
         }
@@ -65,9 +64,9 @@ struct PipelineExecutor::Observer
         if (this->Progress && name != this->Names.end())
         {
           const double fraction = event == vtkCommand::StartEvent ? 0.
-            : event == vtkCommand::EndEvent                        ? 1.
-            : data                                                 ? *static_cast<double*>(data)
-                                                                   : 0.;
+                                  : event == vtkCommand::EndEvent ? 1.
+                                  : data                          ? *static_cast<double*>(data)
+                                                                  : 0.;
           this->Progress(name->second, std::min(1., std::max(0., fraction)));
         }
     }
@@ -167,7 +166,7 @@ void PipelineExecutor::Rebuild()
     const GraphNode& node = this->Plan->Nodes[n];
     if (!this->Live[n])
     {
-      continue;  // a stage made before stays with its data: a viewer may come back to it
+      continue; // a stage made before stays with its data: a viewer may come back to it
     }
     for (const GraphEdge& e : node.Inputs)
     {
@@ -184,7 +183,7 @@ void PipelineExecutor::Rebuild()
     for (const GraphProperty& p : node.Properties)
     {
       std::string error;
-      stage->SetPropertyText(p.Name, p.Text, error);  // checked when the graph was built
+      stage->SetPropertyText(p.Name, p.Text, error); // checked when the graph was built
     }
     stage->SetTimeline(this->Plan->Ticks);
     stage->SetCancelToken(this->Token);
@@ -212,8 +211,8 @@ void PipelineExecutor::Rebuild()
       }
       else if (stage->GetNumberOfInputConnections(e.Port) <= e.Connection)
       {
-        stage->ConnectInput(node.Description().Inputs[std::size_t(e.Port)].Name,
-          this->Stages[std::size_t(e.Producer)], e.Array);
+        stage->ConnectInput(
+          node.Description().Inputs[std::size_t(e.Port)].Name, this->Stages[std::size_t(e.Producer)], e.Array);
       }
       else
       {
@@ -373,8 +372,9 @@ bool PipelineExecutor::CheckRegion(std::string& error)
     if (region.empty() || !whole.contains(region))
     {
       error = "the region " + std::to_string(this->Region->X0) + "," + std::to_string(this->Region->Y0) + "," +
-        std::to_string(this->Region->X1) + "," + std::to_string(this->Region->Y1) + " does not lie in the frame of " +
-        std::to_string(whole.width()) + " x " + std::to_string(whole.height()) + " pixels";
+              std::to_string(this->Region->X1) + "," + std::to_string(this->Region->Y1) +
+              " does not lie in the frame of " + std::to_string(whole.width()) + " x " +
+              std::to_string(whole.height()) + " pixels";
       return false;
     }
   }
@@ -501,8 +501,8 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
   for (const auto& k : this->Kept)
   {
     const std::string& path = this->Plan->Nodes[std::size_t(k.first)].Path;
-    frame[path] = FrameHistory::Keep(
-      this->Stages[std::size_t(k.first)]->GetOutput(), k.second, this->History.Find(tick, path));
+    frame[path] =
+      FrameHistory::Keep(this->Stages[std::size_t(k.first)]->GetOutput(), k.second, this->History.Find(tick, path));
   }
   if (!frame.empty())
   {

@@ -30,18 +30,18 @@ struct DisplayRegion
 /// Which outputs a tick makes.
 enum class TickMode
 {
-  Frame,      ///< outputs with one file per frame, sinks
-  LastFrame,  ///< those and outputs with one file per run
-  WarmUp      ///< none: only what the next frame reads of this one
+  Frame,     ///< outputs with one file per frame, sinks
+  LastFrame, ///< those and outputs with one file per run
+  WarmUp     ///< none: only what the next frame reads of this one
 };
 
 struct TickResult
 {
   bool Ok = false;
   bool Cancelled = false;
-  std::string Error;                  ///< `node "blur" (BilateralFilter): sentence`
-  std::vector<std::string> Files;     ///< written in this tick
-  std::vector<std::string> Warnings;  ///< `node "pt" (PathTraceSource): sentence`
+  std::string Error;                 ///< `node "blur" (BilateralFilter): sentence`
+  std::vector<std::string> Files;    ///< written in this tick
+  std::vector<std::string> Warnings; ///< `node "pt" (PathTraceSource): sentence`
 };
 
 struct NodeCounters
@@ -50,11 +50,11 @@ struct NodeCounters
   StageCounters Counters;
 };
 
-/// Runs a checked graph frame by frame: makes a stage for every live node, connects them, asks all outputs and everything
-/// that a delayed input will read in one pass per tick, and owns the history between frames.
+/// Runs a checked graph frame by frame: makes a stage for every live node, connects them, asks all outputs and
+/// everything that a delayed input will read in one pass per tick, and owns the history between frames.
 ///
-/// **Live** is what outputs with files, sinks and Request()s need, over normal and delayed edges. Delayed producers run on
-/// the whole frame, outputs on the region. The history of a tick is committed when its whole frame succeeded.
+/// **Live** is what outputs with files, sinks and Request()s need, over normal and delayed edges. Delayed producers run
+/// on the whole frame, outputs on the region. The history of a tick is committed when its whole frame succeeded.
 class VTKQUELLPIPELINE_EXPORT PipelineExecutor
 {
 public:
@@ -109,14 +109,14 @@ public:
   {
     int Node = -1;
     ArraySet Arrays;
-    bool Whole = false;      ///< the whole frame whatever the region
-    bool LastOnly = false;   ///< only with TickMode::LastFrame
+    bool Whole = false;    ///< the whole frame whatever the region
+    bool LastOnly = false; ///< only with TickMode::LastFrame
   };
   std::vector<Target> Targets() const;
 
-  std::vector<NodeCounters> Counters() const;  ///< of live nodes in execution order
+  std::vector<NodeCounters> Counters() const; ///< of live nodes in execution order
   void ResetCounters();
-  std::vector<std::string> Reports() const;    ///< GetReport of live nodes that have something to say
+  std::vector<std::string> Reports() const; ///< GetReport of live nodes that have something to say
 
 private:
   struct Observer;
@@ -126,7 +126,7 @@ private:
 
   std::shared_ptr<const Graph> Plan;
   const StageRegistry& Registry;
-  std::vector<vtkSmartPointer<vtkQuellStage>> Stages;  ///< per node; null: not live
+  std::vector<vtkSmartPointer<vtkQuellStage>> Stages; ///< per node; null: not live
   std::vector<bool> Live;
   std::map<int, ArraySet> Kept;
   std::map<std::string, ArraySet> Requests;
@@ -137,7 +137,7 @@ private:
   std::map<std::string, std::string> Metadata;
   FrameHistory History;
   bool WriteOutputs = true;
-  bool Stale = true;  ///< the live set changed
+  bool Stale = true; ///< the live set changed
 };
 }
 

@@ -37,7 +37,7 @@ struct ElementRule
   const char* Name;
   std::vector<std::string> Required, Optional;
   std::vector<std::string> Children;
-  bool OpenAttributes = false;  ///< further attributes belong to the stage
+  bool OpenAttributes = false; ///< further attributes belong to the stage
 };
 
 const std::vector<ElementRule>& Rules()
@@ -123,9 +123,13 @@ std::vector<std::string> Tags(const std::vector<std::string>& names)
 class Loader
 {
 public:
-  Loader(Diagnostics& diagnostics) : Messages(diagnostics) {}
+  Loader(Diagnostics& diagnostics)
+    : Messages(diagnostics)
+  {
+  }
 
-  std::shared_ptr<PipelineDocument> LoadFile(const std::string& file, const SourceLocation& asked, const std::string& where)
+  std::shared_ptr<PipelineDocument> LoadFile(
+    const std::string& file, const SourceLocation& asked, const std::string& where)
   {
     auto document = std::make_shared<PipelineDocument>();
     document->File = file;
@@ -150,7 +154,8 @@ public:
     if (!code && size > XmlLimits().Bytes)
     {
       this->Messages.Error(place, where,
-        "the file has " + std::to_string(size) + " bytes, more than the " + std::to_string(XmlLimits().Bytes) + " allowed");
+        "the file has " + std::to_string(size) + " bytes, more than the " + std::to_string(XmlLimits().Bytes) +
+          " allowed");
       return document;
     }
     std::ifstream stream(file, std::ios::binary);
@@ -181,7 +186,7 @@ public:
     document.TrailingComments = root.TrailingComments;
     if (!this->CheckVersion(root))
     {
-      return;  // a newer grammar would only make misleading errors
+      return; // a newer grammar would only make misleading errors
     }
     this->Check(root, "");
     document.Version = this->Take(root, "version");
@@ -222,8 +227,8 @@ public:
     }
   }
 
-  std::vector<std::string> Stack;  ///< canonical paths of the files being read
-  std::set<std::string> Done;      ///< and of those read: a library is loaded once
+  std::vector<std::string> Stack; ///< canonical paths of the files being read
+  std::set<std::string> Done;     ///< and of those read: a library is loaded once
 
 private:
   bool CheckVersion(const XmlElement& root)
@@ -231,19 +236,21 @@ private:
     const XmlAttribute* a = root.Find("version");
     if (!a)
     {
-      return true;  // Check reports it
+      return true; // Check reports it
     }
     long long version = 0;
     std::string error;
     if (!detail::ParseInt(a->Value, 1, 1000000, version, error))
     {
-      this->Messages.Error(a->Place, "<pipeline>", "version = " + error, "this program reads version " + std::to_string(PipelineVersion));
+      this->Messages.Error(
+        a->Place, "<pipeline>", "version = " + error, "this program reads version " + std::to_string(PipelineVersion));
       return false;
     }
     if (version > PipelineVersion)
     {
-      this->Messages.Error(a->Place, {}, "pipeline version " + std::to_string(version) +
-          " is newer than this program understands (" + std::to_string(PipelineVersion) + ")");
+      this->Messages.Error(a->Place, {},
+        "pipeline version " + std::to_string(version) + " is newer than this program understands (" +
+          std::to_string(PipelineVersion) + ")");
       return false;
     }
     return true;
@@ -286,8 +293,9 @@ private:
       {
         const std::string near = DidYouMean(child.Name, rule->Children);
         this->Messages.Error(child.Place, ElementTitle(e), "element <" + child.Name + "> does not belong here",
-          !near.empty() ? near
-                        : rule->Children.empty() ? "it holds no elements" : "it may hold " + Listed(Tags(rule->Children)));
+          !near.empty()            ? near
+          : rule->Children.empty() ? "it holds no elements"
+                                   : "it may hold " + Listed(Tags(rule->Children)));
         continue;
       }
       this->Check(child, e.Name);
@@ -440,7 +448,8 @@ private:
     }
     if (!o.From.Given && o.Layers.empty())
     {
-      this->Messages.Error(e.Place, ElementTitle(e), "attribute \"from\" is missing", "say what to write, or give <layer>s");
+      this->Messages.Error(
+        e.Place, ElementTitle(e), "attribute \"from\" is missing", "say what to write, or give <layer>s");
     }
     return o;
   }

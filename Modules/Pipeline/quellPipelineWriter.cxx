@@ -133,7 +133,7 @@ private:
     }
   }
   int Depth = 0;
-  bool Pending = false;  ///< a start tag is open for attributes
+  bool Pending = false; ///< a start tag is open for attributes
 };
 }
 

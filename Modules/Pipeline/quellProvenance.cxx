@@ -64,7 +64,10 @@ class Writer
 {
 public:
   Writer(const Graph& graph, const StageRegistry& registry, Diagnostics& diagnostics)
-    : Source(graph), Registry(registry), Messages(diagnostics), Out(std::make_shared<PipelineDocument>(*graph.Document))
+    : Source(graph)
+    , Registry(registry)
+    , Messages(diagnostics)
+    , Out(std::make_shared<PipelineDocument>(*graph.Document))
   {
   }
 
@@ -87,7 +90,8 @@ public:
   }
 
 private:
-  /// Included variables and templates first, as the builder declares them; a file may declare a library's variable anew.
+  /// Included variables and templates first, as the builder declares them; a file may declare a library's variable
+  /// anew.
   void Gather(const PipelineDocument& from)
   {
     for (const PipelineInclude& i : from.Includes)
@@ -101,7 +105,8 @@ private:
     for (const PipelineVariable& v : from.Variables)
     {
       auto& all = this->Out->Variables;
-      const auto same = std::find_if(all.begin(), all.end(), [&v](const PipelineVariable& o) { return o.Name.Value == v.Name.Value; });
+      const auto same =
+        std::find_if(all.begin(), all.end(), [&v](const PipelineVariable& o) { return o.Name.Value == v.Name.Value; });
       if (same != all.end())
       {
         *same = v;
@@ -371,7 +376,8 @@ private:
     for (const auto& a : this->Source.Options.Outputs)
     {
       auto& outputs = this->Out->Outputs;
-      auto output = std::find_if(outputs.begin(), outputs.end(), [&a](const PipelineOutput& o) { return o.Name.Value == a.first; });
+      auto output =
+        std::find_if(outputs.begin(), outputs.end(), [&a](const PipelineOutput& o) { return o.Name.Value == a.first; });
       if (output == outputs.end())
       {
         std::string name;
@@ -380,7 +386,9 @@ private:
           name += (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ? c : '-';
         }
         const std::string stem = name;
-        for (int i = 2; std::any_of(outputs.begin(), outputs.end(), [&name](const PipelineOutput& o) { return o.Name.Value == name; }); ++i)
+        for (int i = 2; std::any_of(
+               outputs.begin(), outputs.end(), [&name](const PipelineOutput& o) { return o.Name.Value == name; });
+             ++i)
         {
           name = stem + "-" + std::to_string(i);
         }
@@ -423,7 +431,8 @@ private:
     }
     for (const GraphNode& n : this->Source.Nodes)
     {
-      if (this->Source.Options.Seed && !n.Internal && n.Description().FindProperty("Seed") && !set.count({ n.Path, "Seed" }))
+      if (this->Source.Options.Seed && !n.Internal && n.Description().FindProperty("Seed") &&
+          !set.count({ n.Path, "Seed" }))
       {
         this->Set(n.Path, "Seed", std::to_string(*this->Source.Options.Seed));
       }
@@ -462,7 +471,10 @@ private:
     {
       if (o.Name.Value == output)
       {
-        PipelineText* const own = name == "File" ? &o.File : name == "View" ? &o.View : name == "Display" ? &o.Display : nullptr;
+        PipelineText* const own = name == "File"      ? &o.File
+                                  : name == "View"    ? &o.View
+                                  : name == "Display" ? &o.Display
+                                                      : nullptr;
         if (own)
         {
           SetText(*own, value);
@@ -491,8 +503,8 @@ private:
     properties.push_back(p);
   }
 
-  bool SetIn(std::vector<PipelineNode>& nodes, const std::vector<std::string>& ids, std::size_t at, const std::string& name,
-    const std::string& value)
+  bool SetIn(std::vector<PipelineNode>& nodes, const std::vector<std::string>& ids, std::size_t at,
+    const std::string& name, const std::string& value)
   {
     for (PipelineNode& n : nodes)
     {
@@ -562,7 +574,7 @@ private:
       {
         const Property* property = n.Description().FindProperty(p.Name);
         if (!property || property->Kind != Property::Type::Path || p.Text.empty() ||
-          p.Text.find("://") != std::string::npos)
+            p.Text.find("://") != std::string::npos)
         {
           continue;
         }
@@ -585,15 +597,18 @@ private:
     const std::set<std::string> instantiated = this->Instantiated();
     auto& templates = this->Out->Templates;
     templates.erase(std::remove_if(templates.begin(), templates.end(),
-                      [&](const PipelineTemplate& t) {
+                      [&](const PipelineTemplate& t)
+                      {
                         const std::string& name = t.Name.Value;
-                        return !instantiated.count(name) && (this->IncludedTemplates.count(name) || instantiatedBefore.count(name));
+                        return !instantiated.count(name) &&
+                               (this->IncludedTemplates.count(name) || instantiatedBefore.count(name));
                       }),
       templates.end());
     const std::set<std::string> used = this->UsedNames();
     auto& variables = this->Out->Variables;
     variables.erase(std::remove_if(variables.begin(), variables.end(),
-                      [&](const PipelineVariable& v) {
+                      [&](const PipelineVariable& v)
+                      {
                         const std::string& name = v.Name.Value;
                         return !used.count(name) && (this->Included.count(name) || usedBefore.count(name));
                       }),
@@ -679,7 +694,7 @@ std::map<std::string, std::string> InputHashes(const Graph& graph)
       std::error_code code;
       const std::string path = Absolute(p.Text);
       if (!property || property->Kind != Property::Type::Path || p.Text.empty() || hashes.count(path) ||
-        !fs::is_regular_file(path, code))
+          !fs::is_regular_file(path, code))
       {
         continue;
       }

@@ -12,9 +12,9 @@
 namespace quell
 {
 /// The pipeline of a graph with everything the command line said written into it, so that its text alone makes the same
-/// graph again: includes resolved, -D as the variables' defaults, --set and --seed as properties (a template is copied for
-/// the instance whose inner node is set), --output as outputs, input paths absolute. Output files stay relative. What
-/// only the replaced texts used (a variable, a template) is left out.
+/// graph again: includes resolved, -D as the variables' defaults, --set and --seed as properties (a template is copied
+/// for the instance whose inner node is set), --output as outputs, input paths absolute. Output files stay relative.
+/// What only the replaced texts used (a variable, a template) is left out.
 ///
 /// Adds a warning for every setting that cannot be written (a node whose id is made from a template's parameter).
 VTKQUELLPIPELINE_EXPORT std::shared_ptr<PipelineDocument> SelfContained(
@@ -31,7 +31,7 @@ class VTKQUELLPIPELINE_EXPORT ContentHash
 public:
   void Add(const void* data, std::size_t bytes);
   std::uint64_t Value() const;
-  std::string Hex() const;  ///< of Value(), 16 digits
+  std::string Hex() const; ///< of Value(), 16 digits
 
 private:
   void Word(std::uint64_t w) { this->State = (this->State ^ w) * 1099511628211ull ^ (this->State >> 29); }

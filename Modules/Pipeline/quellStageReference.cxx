@@ -137,7 +137,7 @@ std::string StageText(const StageDescription& d)
     for (const InputPort& p : d.Inputs)
     {
       out += "  " + p.Name + ": " + KindName(p.Kind) + " (" + KindDoc(p.Kind) + ")" + PortNotes(p) + "\n" +
-        Wrapped(p.Doc, "      ");
+             Wrapped(p.Doc, "      ");
     }
   }
   if (!d.Outputs.empty())
@@ -153,8 +153,8 @@ std::string StageText(const StageDescription& d)
     out += "properties\n";
     for (const Property& p : d.Properties)
     {
-      out += "  " + p.Name + " = " + (p.DefaultText.empty() ? "\"\"" : p.DefaultText) + (p.Unit.empty() ? "" : " " + p.Unit) +
-        " (" + p.TypeName();
+      out += "  " + p.Name + " = " + (p.DefaultText.empty() ? "\"\"" : p.DefaultText) +
+             (p.Unit.empty() ? "" : " " + p.Unit) + " (" + p.TypeName();
       const std::string range = RangeText(p);
       out += (range.empty() ? "" : ", " + range) + ")\n" + Wrapped(p.Doc, "      ");
     }
@@ -222,8 +222,9 @@ std::string StageMarkdown(const StageRegistry& registry, const std::vector<std::
         out += "\n| property | type | default | range | |\n|---|---|---|---|---|\n";
         for (const Property& p : d->Properties)
         {
-          out += "| `" + p.Name + "` | " + p.TypeName() + " | " + (p.DefaultText.empty() ? "" : "`" + Cell(p.DefaultText) + "`") +
-            (p.Unit.empty() ? "" : " " + Cell(p.Unit)) + " | " + Cell(RangeText(p)) + " | " + Cell(p.Doc) + " |\n";
+          out += "| `" + p.Name + "` | " + p.TypeName() + " | " +
+                 (p.DefaultText.empty() ? "" : "`" + Cell(p.DefaultText) + "`") +
+                 (p.Unit.empty() ? "" : " " + Cell(p.Unit)) + " | " + Cell(RangeText(p)) + " | " + Cell(p.Doc) + " |\n";
         }
       }
     }
@@ -252,7 +253,8 @@ public:
   }
 
   /// A complex type whose children may come in any order.
-  void Begin(const std::string& name, const std::string& doc, const std::vector<std::pair<std::string, std::string>>& children)
+  void Begin(
+    const std::string& name, const std::string& doc, const std::vector<std::pair<std::string, std::string>>& children)
   {
     this->Line(1, "<xs:complexType name=\"" + name + "\">");
     this->Documentation(2, doc);
@@ -290,8 +292,9 @@ std::string PipelineXsd(const StageRegistry& registry)
     for (const Property& p : d->Properties)
     {
       const std::string range = RangeText(p);
-      properties[p.Name].push_back(type + ": " + p.TypeName() + ", default " + (p.DefaultText.empty() ? "empty" : p.DefaultText) +
-        (range.empty() ? "" : ", " + range) + ". " + p.Doc);
+      properties[p.Name].push_back(type + ": " + p.TypeName() + ", default " +
+                                   (p.DefaultText.empty() ? "empty" : p.DefaultText) +
+                                   (range.empty() ? "" : ", " + range) + ". " + p.Doc);
     }
   }
   s.Line(2, "</xs:restriction>");
@@ -327,7 +330,8 @@ std::string PipelineXsd(const StageRegistry& registry)
   s.Line(2, "<xs:restriction base=\"xs:string\"><xs:pattern value=\".*[$][(].*[)].*\"/></xs:restriction>");
   s.Line(1, "</xs:simpleType>");
   s.Line(1, "<xs:simpleType name=\"StageTypeText\"><xs:union memberTypes=\"StageType Expression\"/></xs:simpleType>");
-  s.Line(1, "<xs:simpleType name=\"PropertyNameText\"><xs:union memberTypes=\"PropertyName Expression\"/></xs:simpleType>");
+  s.Line(
+    1, "<xs:simpleType name=\"PropertyNameText\"><xs:union memberTypes=\"PropertyName Expression\"/></xs:simpleType>");
 
   s.Begin("Pipeline", "A graph of image stages.",
     { { "include", "Include" }, { "variable", "Variable" }, { "time", "Time" }, { "template", "Template" },
@@ -385,8 +389,10 @@ std::string PipelineXsd(const StageRegistry& registry)
   s.Attribute("delay", false);
   s.End();
   s.Begin("Input",
-    "Connects a port to node:array (or @port within a template); delay=1 reads the previous frame; optional=1 leaves the "
-    "connection out where the node has no such array. Further attributes belong to the stage.", {});
+    "Connects a port to node:array (or @port within a template); delay=1 reads the previous frame; optional=1 leaves "
+    "the "
+    "connection out where the node has no such array. Further attributes belong to the stage.",
+    {});
   s.Attribute("port", true);
   s.Attribute("from", true);
   s.Attribute("delay", false);

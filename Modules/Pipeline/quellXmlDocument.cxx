@@ -23,7 +23,7 @@ struct Builder
   std::string File;
   XmlLimits Limits;
   Diagnostics* Messages = nullptr;
-  XmlElement Top;  // holds the root as its only child
+  XmlElement Top; // holds the root as its only child
   std::vector<XmlElement*> Open;
   std::vector<std::string> Comments;
   int Elements = 0;
@@ -61,7 +61,8 @@ struct Builder
     const char* p = this->Source->data() + index;
     const char* const end = this->Source->data() + this->Source->size();
     int line = element.Place.Line, column = element.Place.Column;
-    const auto step = [&]() {
+    const auto step = [&]()
+    {
       if (*p == '\n')
       {
         ++line;
@@ -201,8 +202,7 @@ struct Builder
     // expat calls from within the declaration; its begin is what people look for.
     Builder& b = *static_cast<Builder*>(data);
     const XML_Index index = XML_GetCurrentByteIndex(b.Parser);
-    const std::size_t start =
-      index < 0 ? std::string::npos : b.Source->rfind("<!DOCTYPE", std::size_t(index));
+    const std::size_t start = index < 0 ? std::string::npos : b.Source->rfind("<!DOCTYPE", std::size_t(index));
     SourceLocation place = b.Here();
     if (start != std::string::npos)
     {
@@ -210,8 +210,8 @@ struct Builder
       const std::size_t line = start == 0 ? std::string::npos : b.Source->rfind('\n', start - 1);
       place.Column = int(start - (line == std::string::npos ? 0 : line + 1)) + 1;
     }
-    b.Stop(place,
-      "document type declarations are not allowed", "pipelines need no DTD and no entities; use <variable> and <include>");
+    b.Stop(place, "document type declarations are not allowed",
+      "pipelines need no DTD and no entities; use <variable> and <include>");
   }
 };
 }
@@ -235,8 +235,9 @@ bool ParseXml(
   whole.File = file;
   if (text.size() > limits.Bytes)
   {
-    diagnostics.Error(whole, {}, "the file has " + std::to_string(text.size()) + " bytes, more than the " +
-        std::to_string(limits.Bytes) + " allowed");
+    diagnostics.Error(whole, {},
+      "the file has " + std::to_string(text.size()) + " bytes, more than the " + std::to_string(limits.Bytes) +
+        " allowed");
     return false;
   }
   Builder builder;
@@ -281,14 +282,29 @@ std::string EscapeXml(const std::string& text)
   {
     switch (c)
     {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      case '\n': out += "&#10;"; break;  // attribute values are normalised: a plain newline would become a blank
-      case '\r': out += "&#13;"; break;
-      case '\t': out += "&#9;"; break;
-      default: out += c;
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      case '\n':
+        out += "&#10;";
+        break; // attribute values are normalised: a plain newline would become a blank
+      case '\r':
+        out += "&#13;";
+        break;
+      case '\t':
+        out += "&#9;";
+        break;
+      default:
+        out += c;
     }
   }
   return out;

@@ -13,18 +13,18 @@ namespace quell
 struct XmlAttribute
 {
   std::string Name, Value;
-  SourceLocation Place;  ///< of the attribute's name
+  SourceLocation Place; ///< of the attribute's name
 };
 
 struct VTKQUELLPIPELINE_EXPORT XmlElement
 {
   std::string Name;
-  SourceLocation Place;  ///< of the start tag's '<'
+  SourceLocation Place; ///< of the start tag's '<'
   std::vector<XmlAttribute> Attributes;
   std::vector<XmlElement> Children;
-  std::vector<std::string> Comments;          ///< comments before the start tag
-  std::vector<std::string> TrailingComments;  ///< comments after the last child
-  std::string Text;                           ///< character data that is not white space
+  std::vector<std::string> Comments;         ///< comments before the start tag
+  std::vector<std::string> TrailingComments; ///< comments after the last child
+  std::string Text;                          ///< character data that is not white space
   SourceLocation TextPlace;
 
   const XmlAttribute* Find(const std::string& name) const;

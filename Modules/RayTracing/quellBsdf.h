@@ -37,7 +37,8 @@ struct Frame
   Vec3f t, b, n;
 
   Frame() = default;
-  explicit Frame(const Vec3f& normal) noexcept : n(normal)
+  explicit Frame(const Vec3f& normal) noexcept
+    : n(normal)
   {
     const float s = std::copysign(1.f, n.z), a = -1 / (s + n.z), c = n.x * n.y * a;
     t = { 1 + s * n.x * n.x * a, s * c, -s * n.x };
@@ -77,7 +78,7 @@ namespace ggx
 inline float D(float sin2, float cosine, float alpha) noexcept
 {
   const float c2 = cosine * cosine, a2 = alpha * alpha;
-  const float k = c2 * a2 + sin2;  // = alpha^2 cos^2 (1 + tan^2 / alpha^2)
+  const float k = c2 * a2 + sin2; // = alpha^2 cos^2 (1 + tan^2 / alpha^2)
   return cosine > 0 && k > 0 ? a2 / (Pi * k * k) : 0;
 }
 inline float Lambda(float cosine, float alpha) noexcept
@@ -86,8 +87,14 @@ inline float Lambda(float cosine, float alpha) noexcept
   const float tan2 = std::max(0.f, 1 - c * c) / (c * c);
   return (std::sqrt(1 + alpha * alpha * tan2) - 1) / 2;
 }
-inline float G1(float cosine, float alpha) noexcept { return 1 / (1 + Lambda(cosine, alpha)); }
-inline float G2(float co, float ci, float alpha) noexcept { return 1 / (1 + Lambda(co, alpha) + Lambda(ci, alpha)); }
+inline float G1(float cosine, float alpha) noexcept
+{
+  return 1 / (1 + Lambda(cosine, alpha));
+}
+inline float G2(float co, float ci, float alpha) noexcept
+{
+  return 1 / (1 + Lambda(co, alpha) + Lambda(ci, alpha));
+}
 
 /// Visible half vector for `wo` (local, wo.z > 0), by the projected hemisphere (Heitz 2018).
 inline Vec3f SampleVisibleNormal(const Vec3f& wo, float alpha, float u, float v) noexcept
@@ -140,21 +147,21 @@ inline float SchlickWeight(float cosine) noexcept
 ///   f = D G F / (4 cos_o cos_i) + diffuse (1 - Fd(cos_o)) (1 - Fd(cos_i)) / ((1 - Fd_avg) pi),
 ///
 /// F Schlick's with F0 and F90 of the mix of metal and dielectric, Fd its dielectric part (largest channel), Fd_avg its
-/// cosine average F0 + (F90 - F0) / 21. glTF's own suggestion for the diffuse factor, 1 - Fd(o.h), creates energy (a white
-/// smooth dielectric reflects 1.7 at 87 degrees); this one is reciprocal, sums to at most 1 and is exactly Lambert when
-/// the material has no dielectric reflection. Below alpha = 1e-3 the reflection is a perfect mirror of weight F(cos_o).
-/// `Glass` is the part of the surface that transmits: a smooth dielectric with the exact Fresnel equations, refracting
-/// when `Eta` is not 0 and straight through (infinitely thin) else.
+/// cosine average F0 + (F90 - F0) / 21. glTF's own suggestion for the diffuse factor, 1 - Fd(o.h), creates energy (a
+/// white smooth dielectric reflects 1.7 at 87 degrees); this one is reciprocal, sums to at most 1 and is exactly
+/// Lambert when the material has no dielectric reflection. Below alpha = 1e-3 the reflection is a perfect mirror of
+/// weight F(cos_o). `Glass` is the part of the surface that transmits: a smooth dielectric with the exact Fresnel
+/// equations, refracting when `Eta` is not 0 and straight through (infinitely thin) else.
 struct Surface
 {
   static constexpr float MirrorAlpha = 1e-3f;
 
-  Vec3f Diffuse;               ///< albedo of the diffuse lobe
-  Vec3f F0;                    ///< of the opaque reflection
+  Vec3f Diffuse; ///< albedo of the diffuse lobe
+  Vec3f F0;      ///< of the opaque reflection
   Vec3f F90;
   float DiffuseF0 = 0, DiffuseF90 = 0;
   float Alpha = 1;
-  float Glass = 0;             ///< in [0, 1]
+  float Glass = 0; ///< in [0, 1]
   Vec3f GlassTint{ 1, 1, 1 };
   float GlassIor = 1.5f, GlassSpecular = 1;
   bool Thin = true;
@@ -162,7 +169,7 @@ struct Surface
 
   /// Chances of the lobes for the outgoing direction; set by Prepare.
   float PDiffuse = 0, PSpecular = 0, PGlass = 0;
-  float DiffuseScale = 0;      ///< 1 / (1 - Fd_avg), 0 where the diffuse lobe vanishes
+  float DiffuseScale = 0; ///< 1 / (1 - Fd_avg), 0 where the diffuse lobe vanishes
 
   /// Sets the lobes from their parameters; call after the members above.
   void Finish() noexcept
@@ -217,8 +224,8 @@ struct Surface
 
   /// The non-delta lobes for both directions (unit, world), `n` the shading normal: diffuse and specular values without
   /// the cosine, and the pdf (per solid angle) with which Sample makes `wi` by them.
-  void Evaluate(const Vec3f& n, const Vec3f& wo, const Vec3f& wi, Vec3f& diffuse, Vec3f& specular, float& pdf) const
-    noexcept
+  void Evaluate(
+    const Vec3f& n, const Vec3f& wo, const Vec3f& wi, Vec3f& diffuse, Vec3f& specular, float& pdf) const noexcept
   {
     diffuse = specular = Vec3f();
     pdf = 0;
@@ -243,7 +250,7 @@ struct Surface
         const float lo = ggx::Lambda(co, Alpha), li = ggx::Lambda(ci, Alpha);
         const float c = std::max(co, 1e-6f);
         specular = this->Fresnel(oh) * (d / ((1 + lo + li) * 4 * c * std::max(ci, 1e-6f)));
-        pdf += PSpecular * d / ((1 + lo) * 4 * c);  // G1 D (o.h) / cos_o / (4 o.h)
+        pdf += PSpecular * d / ((1 + lo) * 4 * c); // G1 D (o.h) / cos_o / (4 o.h)
       }
     }
   }
@@ -251,15 +258,16 @@ struct Surface
   struct Sampled
   {
     Vec3f Wi;
-    Vec3f Weight;             ///< f cos / pdf (delta: lobe weight / chance)
-    float Pdf = 0;            ///< of the non-delta lobes; 0: nothing sampled
+    Vec3f Weight;  ///< f cos / pdf (delta: lobe weight / chance)
+    float Pdf = 0; ///< of the non-delta lobes; 0: nothing sampled
     bool Delta = false, Transmitted = false;
-    float Eta2 = 1;           ///< squared relative index after refraction
+    float Eta2 = 1; ///< squared relative index after refraction
   };
 
-  /// `ng`: geometric normal on wo's side; `front`: wo is on the outside. uLobe, uSide pick the lobe; u, v the direction.
-  Sampled Sample(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, bool front, float u, float v, float uLobe, float uSide)
-    const noexcept
+  /// `ng`: geometric normal on wo's side; `front`: wo is on the outside. uLobe, uSide pick the lobe; u, v the
+  /// direction.
+  Sampled Sample(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, bool front, float u, float v, float uLobe,
+    float uSide) const noexcept
   {
     Sampled out;
     const float co = Dot(n, wo);
@@ -328,7 +336,7 @@ struct Surface
     }
     out.Wi = Normalized(wo * (-1 / eta) + n * (co / eta - ct));
     out.Eta2 = eta * eta;
-    out.Weight *= 1 / out.Eta2;  // radiance is compressed into a smaller cone inside
+    out.Weight *= 1 / out.Eta2; // radiance is compressed into a smaller cone inside
     if (!(Dot(ng, out.Wi) < 0))
       out.Pdf = 0;
     return out;

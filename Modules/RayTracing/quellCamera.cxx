@@ -8,7 +8,9 @@
 namespace quell
 {
 Camera::Camera(const CameraModel& model, const Mat4& worldFromCamera, const Vec3d& origin, int width, int height)
-  : Orthographic(model.Orthographic), Width(std::max(1, width)), Height(std::max(1, height))
+  : Orthographic(model.Orthographic)
+  , Width(std::max(1, width))
+  , Height(std::max(1, height))
 {
   const Vec3d at{ worldFromCamera.m[0][3], worldFromCamera.m[1][3], worldFromCamera.m[2][3] };
   this->Position = IsFinite(at) ? at - origin : Vec3d();
@@ -114,9 +116,12 @@ int Camera::Find(const Scene& scene, const std::string& name)
     return index;
   std::string known;
   for (int i = 0; i < count; ++i)
-    known += (i ? ", " : "") + std::to_string(i) + (scene.Cameras[i].Name.empty() ? "" : " \"" + scene.Cameras[i].Name + "\"");
-  throw std::invalid_argument("no camera \"" + name + "\"; " +
-    (count ? "the scene has " + known : std::string("the scene has no cameras (leave Camera empty to frame everything)")));
+    known +=
+      (i ? ", " : "") + std::to_string(i) + (scene.Cameras[i].Name.empty() ? "" : " \"" + scene.Cameras[i].Name + "\"");
+  throw std::invalid_argument(
+    "no camera \"" + name + "\"; " +
+    (count ? "the scene has " + known
+           : std::string("the scene has no cameras (leave Camera empty to frame everything)")));
 }
 
 bool Camera::Project(const Vec3d& p, double w, Vec2<double>& pixel) const noexcept
@@ -133,7 +138,7 @@ bool Camera::Project(const Vec3d& p, double w, Vec2<double>& pixel) const noexce
 bool Camera::operator==(const Camera& o) const
 {
   return this->Position == o.Position && this->Right == o.Right && this->Up == o.Up && this->Forward == o.Forward &&
-    this->HalfX == o.HalfX && this->HalfY == o.HalfY && this->Orthographic == o.Orthographic &&
-    this->Width == o.Width && this->Height == o.Height;
+         this->HalfX == o.HalfX && this->HalfY == o.HalfY && this->Orthographic == o.Orthographic &&
+         this->Width == o.Width && this->Height == o.Height;
 }
 }

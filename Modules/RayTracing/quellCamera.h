@@ -10,7 +10,8 @@
 
 namespace quell
 {
-/// A pinhole or orthographic camera over a W x H frame, row 0 at the bottom; positions relative to the recentred origin.
+/// A pinhole or orthographic camera over a W x H frame, row 0 at the bottom; positions relative to the recentred
+/// origin.
 class VTKQUELLRAYTRACING_EXPORT Camera
 {
 public:
@@ -49,7 +50,7 @@ public:
   bool operator==(const Camera& o) const;
 
   Vec3d Position, Right{ 1, 0, 0 }, Up{ 0, 1, 0 }, Forward{ 0, 0, -1 };
-  double HalfX = 1, HalfY = 1;  ///< half extents: tangents, or scene units when orthographic
+  double HalfX = 1, HalfY = 1; ///< half extents: tangents, or scene units when orthographic
   bool Orthographic = false;
   int Width = 1, Height = 1;
 

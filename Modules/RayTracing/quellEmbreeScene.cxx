@@ -18,7 +18,7 @@ constexpr float OffsetScale = 0x1p-17f;
 
 float Unit(float v)
 {
-  return v > 0 ? std::min(1.f, v) : 0;  // NaN: 0
+  return v > 0 ? std::min(1.f, v) : 0; // NaN: 0
 }
 Vec3f Unit(const Vec3f& v)
 {
@@ -71,12 +71,14 @@ void Check(RTCDevice device)
   const RTCError error = rtcGetDeviceError(device);
   if (error != RTC_ERROR_NONE)
     throw std::runtime_error(error == RTC_ERROR_OUT_OF_MEMORY ? "the scene does not fit into memory"
-        : error == RTC_ERROR_UNSUPPORTED_CPU                  ? "this CPU is not supported by Embree"
-                                                              : "Embree failed (error " + std::to_string(int(error)) + ")");
+                             : error == RTC_ERROR_UNSUPPORTED_CPU
+                               ? "this CPU is not supported by Embree"
+                               : "Embree failed (error " + std::to_string(int(error)) + ")");
 }
 }
 
-EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene) : Source(std::move(scene))
+EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene)
+  : Source(std::move(scene))
 {
   const Scene& s = *this->Source;
   this->Device = rtcNewDevice(nullptr);
@@ -91,7 +93,8 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene) : Source(std::move(
   for (const AnimationChannel& c : s.Animation)
     if (c.Node >= 0 && c.Node < int(animated.size()))
       animated[c.Node] = 1;
-  const auto moves = [&](int node) {
+  const auto moves = [&](int node)
+  {
     for (std::size_t guard = 0; node >= 0 && guard <= s.Nodes.size(); ++guard, node = s.Nodes[node].Parent)
       if (animated[node])
         return true;
@@ -116,7 +119,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene) : Source(std::move(
     part.AlphaTested = m.Mode != AlphaMode::Opaque;
     const auto used = [&](const TextureUse& u) { return u.Texture >= 0 && u.Texture < int(s.Textures.size()); };
     part.Textured = used(m.BaseColorTexture) || used(m.MetallicRoughnessTexture) || used(m.NormalTexture) ||
-      used(m.EmissiveTexture) || used(m.TransmissionTexture);
+                    used(m.EmissiveTexture) || used(m.TransmissionTexture);
     part.Plain = !part.Textured && mesh.Colors.empty();
     const Surface& surface = this->Surfaces[mesh.Material];
     this->Has.Textures |= part.Textured;
@@ -159,8 +162,8 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene) : Source(std::move(
 
   this->Rtc = rtcNewScene(this->Device);
   // With moving parts a two-level hierarchy is kept, so that only what moved is built again.
-  rtcSetSceneFlags(this->Rtc, this->Has.Animated ? RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC)
-                                                 : RTC_SCENE_FLAG_ROBUST);
+  rtcSetSceneFlags(this->Rtc,
+    this->Has.Animated ? RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC) : RTC_SCENE_FLAG_ROBUST);
   for (std::size_t i = 0; i < this->Parts.size(); ++i)
   {
     Part& part = this->Parts[i];
@@ -269,7 +272,7 @@ void EmbreeScene::Bake(Part& part)
     {
       const Vec3f p = this->Corner(part, v[k]);
       for (int c = 0; c < 3; ++c)
-        usable &= std::fabs(p[c]) <= LargestCoordinate;  // false for NaN
+        usable &= std::fabs(p[c]) <= LargestCoordinate; // false for NaN
     }
     if (usable)
     {
@@ -572,7 +575,7 @@ void EmbreeScene::Shade(const SurfaceHit& hit, const Vec3f& direction, SurfacePo
       const double du1 = b.x - a.x, dv1 = b.y - a.y, du2 = c.x - a.x, dv2 = c.y - a.y;
       const double det = du1 * dv2 - du2 * dv1;
       const Vec3d p0(this->Corner(part, i[0])), e1 = Vec3d(this->Corner(part, i[1])) - p0,
-                                              e2 = Vec3d(this->Corner(part, i[2])) - p0;
+                                                e2 = Vec3d(this->Corner(part, i[2])) - p0;
       if (det != 0 && std::isfinite(det))
       {
         t = (e1 * dv2 - e2 * dv1) * (1 / det);

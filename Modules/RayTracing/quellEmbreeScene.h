@@ -16,34 +16,35 @@
 
 namespace quell
 {
-/// A ray in units of the scene, relative to the recentred origin. `Far` may be a fraction when the direction is not unit.
+/// A ray in units of the scene, relative to the recentred origin. `Far` may be a fraction when the direction is not
+/// unit.
 struct TraceRay
 {
   Vec3f Origin, Direction;
   float Far = std::numeric_limits<float>::infinity();
-  std::uint32_t Key = 0;       ///< randomness of see-through surfaces
+  std::uint32_t Key = 0; ///< randomness of see-through surfaces
 };
 
 /// Where a ray met the scene. Barycentrics are Embree's; the position is made of them in double.
 struct SurfaceHit
 {
-  Vec3d P;                     ///< relative to the recentred origin
+  Vec3d P; ///< relative to the recentred origin
   Vec3f Pf;
-  Vec3f Ng;                    ///< unit, outside by the triangle's winding
+  Vec3f Ng; ///< unit, outside by the triangle's winding
   float T = 0, U = 0, V = 0;
-  float Offset = 0;            ///< distance that keeps new rays off this surface
+  float Offset = 0; ///< distance that keeps new rays off this surface
   std::uint32_t Geometry = 0, Primitive = 0;
-  bool Front = true;           ///< the ray came from outside
+  bool Front = true; ///< the ray came from outside
 };
 
 /// A hit with its material resolved.
 struct SurfacePoint
 {
-  Vec3f Ng, Ns;                ///< geometric and shading normal on the ray's side
+  Vec3f Ng, Ns; ///< geometric and shading normal on the ray's side
   Surface Material;
-  Vec3f Emission;              ///< towards the ray (0 from the dark side)
-  Vec3f DisplayOnly;           ///< unlit colour: seen by the camera, lights nothing
-  float Roughness = 1;         ///< perceptual, as in the file
+  Vec3f Emission;      ///< towards the ray (0 from the dark side)
+  Vec3f DisplayOnly;   ///< unlit colour: seen by the camera, lights nothing
+  float Roughness = 1; ///< perceptual, as in the file
 };
 
 /// A scene at one moment, ready for rays: geometry of every instance baked into world space around a nearby origin.
@@ -113,14 +114,14 @@ private:
   {
     const Mesh* Geometry = nullptr;
     int Node = -1, Id = 0, Material = 0;
-    bool Animated = false;     ///< by its node or one above it
-    bool Moved = false;        ///< between the previous and this time
-    bool Mirrored = false;     ///< the node turns triangles inside out
+    bool Animated = false; ///< by its node or one above it
+    bool Moved = false;    ///< between the previous and this time
+    bool Mirrored = false; ///< the node turns triangles inside out
     bool AlphaTested = false, Textured = false, Plain = false;
-    Mat4 World, Previous;      ///< relative to the origin
-    std::vector<float> Positions;            ///< baked, 3 per vertex and padding
-    std::vector<std::uint32_t> Triangles;    ///< usable ones only
-    std::vector<std::int32_t> LightIndex;    ///< per triangle; empty: emits nothing
+    Mat4 World, Previous;                 ///< relative to the origin
+    std::vector<float> Positions;         ///< baked, 3 per vertex and padding
+    std::vector<std::uint32_t> Triangles; ///< usable ones only
+    std::vector<std::int32_t> LightIndex; ///< per triangle; empty: emits nothing
     RTCGeometry Handle = nullptr;
   };
   void Bake(Part& part);
@@ -140,7 +141,7 @@ private:
   std::shared_ptr<const Scene> Source;
   Vec3d Center;
   std::vector<Part> Parts;
-  std::vector<Surface> Surfaces;  ///< of materials without textures
+  std::vector<Surface> Surfaces; ///< of materials without textures
   std::vector<Mat4> Nodes, PreviousNodes;
   LightSampler LightSource;
   RTCDevice Device = nullptr;

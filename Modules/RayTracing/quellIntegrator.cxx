@@ -99,10 +99,10 @@ void Integrator::TracePath(const PixelSampler& random, double px, double py, Emb
   ray.Direction = Vec3f(forward);
 
   Vec3f throughput(1.f);
-  Vec3f from;             // the last non-delta vertex's position, for the pdf of its light sample
+  Vec3f from; // the last non-delta vertex's position, for the pdf of its light sample
   float pdf = 0, etaScale = 1;
   bool delta = true, guides = this->Wants.Guides, distance = this->Wants.HitDistance;
-  int smooth = 0;         // non-delta scatterings so far
+  int smooth = 0; // non-delta scatterings so far
   Vec3f guideAlbedo(1.f), guideNormal;
   float guideRoughness = 0;
 
@@ -194,9 +194,9 @@ void Integrator::TracePath(const PixelSampler& random, double px, double py, Emb
       {
         const Vec3f d = hit.Pf - from;
         w = this->Sampling == Strategy::LightOnly
-          ? 0
-          : PowerHeuristic(
-              pdf, lights.TrianglePdf(std::uint32_t(light), Dot(d, d), std::fabs(Dot(hit.Ng, ray.Direction))));
+              ? 0
+              : PowerHeuristic(
+                  pdf, lights.TrianglePdf(std::uint32_t(light), Dot(d, d), std::fabs(Dot(hit.Ng, ray.Direction))));
       }
       layers.Of[layer] += throughput * point.Emission * w;
     }

@@ -28,7 +28,7 @@ bool MakeCdf(const std::vector<double>& weights, std::vector<T>& cdf, double& to
       last = i;
   }
   for (std::size_t i = last; i < cdf.size(); ++i)
-    cdf[i] = 1;  // u < 1 never lands on a trailing zero
+    cdf[i] = 1; // u < 1 never lands on a trailing zero
   return true;
 }
 
@@ -89,7 +89,7 @@ void LightSampler::Build(std::vector<LightTriangle> triangles, const std::vector
   {
     const double i = Luminance(Vec3d(l.Intensity));
     const double p = l.Type == LightType::Directional ? Pi * double(sceneRadius) * sceneRadius * i
-      : l.Type == LightType::Spot                     ? 2 * Pi * (1 - l.CosOuter) * i
+                     : l.Type == LightType::Spot      ? 2 * Pi * (1 - l.CosOuter) * i
                                                       : 4 * Pi * i;
     if (p > 0 && std::isfinite(p))
     {
@@ -102,8 +102,8 @@ void LightSampler::Build(std::vector<LightTriangle> triangles, const std::vector
   if (!havePunctual)
     this->Punctual.clear();
 
-  const bool haveSky = this->SkyPresent && Luminance(this->SkyColor) > 0 &&
-    (this->ImageWidth == 0 || !this->RowCdf.empty());
+  const bool haveSky =
+    this->SkyPresent && Luminance(this->SkyColor) > 0 && (this->ImageWidth == 0 || !this->RowCdf.empty());
   const int groups = int(haveTriangles) + int(havePunctual) + int(haveSky);
   const float share = groups > 0 ? 1.f / groups : 0;
   this->TriangleEnd = haveTriangles ? (havePunctual || haveSky ? share : 1.f) : 0.f;
@@ -154,7 +154,8 @@ void LightSampler::BuildSky(const Scene& scene)
       }
       this->Image[3 * i + c] = Sanitized(v);
     }
-  // Weights: texel luminance with a little of its neighbours', which the bilinear lookup sees, times the row's solid angle.
+  // Weights: texel luminance with a little of its neighbours', which the bilinear lookup sees, times the row's solid
+  // angle.
   const int w = t.Width, h = t.Height;
   std::vector<double> row(w), rows(h);
   std::vector<float> rowCdf;
@@ -226,7 +227,7 @@ bool LightSampler::Draw(const Vec3f& x, float pick, float u, float v, Sample& ou
     const float scaled = std::min(0x1.fffffep-1f, pick / this->TriangleEnd);
     const std::size_t i = Pick(this->TriangleCdf.data(), this->TriangleCdf.size(), scaled, rest);
     const LightTriangle& t = this->Triangles[i];
-    float b0, b1;  // uniform on the triangle, by the low-distortion map of Heitz (2019)
+    float b0, b1; // uniform on the triangle, by the low-distortion map of Heitz (2019)
     if (u < v)
     {
       b0 = u / 2;
@@ -269,8 +270,7 @@ bool LightSampler::Draw(const Vec3f& x, float pick, float u, float v, Sample& ou
   if (pick < this->PunctualEnd && !this->Punctual.empty())
   {
     float rest;
-    const float scaled =
-      std::min(0x1.fffffep-1f, (pick - this->TriangleEnd) / (this->PunctualEnd - this->TriangleEnd));
+    const float scaled = std::min(0x1.fffffep-1f, (pick - this->TriangleEnd) / (this->PunctualEnd - this->TriangleEnd));
     const PlacedLight& l = this->Punctual[Pick(this->PunctualCdf.data(), this->PunctualCdf.size(), scaled, rest)];
     out.Kind = Sample::From::Punctual;
     out.Textured = false;
@@ -320,7 +320,8 @@ bool LightSampler::Draw(const Vec3f& x, float pick, float u, float v, Sample& ou
     const std::size_t y = Pick(this->RowCdf.data(), std::size_t(h), v, rv);
     const std::size_t i = Pick(&this->ColumnCdf[y * w], std::size_t(w), u, ru);
     // uniform in solid angle within the texel
-    const float cosTheta = std::cos(Pi * y / h) - RowBand(int(y), h) * rv, sinTheta = std::sqrt(std::max(0.f, 1 - cosTheta * cosTheta));
+    const float cosTheta = std::cos(Pi * y / h) - RowBand(int(y), h) * rv,
+                sinTheta = std::sqrt(std::max(0.f, 1 - cosTheta * cosTheta));
     const float phi = 2 * Pi * ((i + ru) / w - 0.5f);
     out.Wi = { sinTheta * std::sin(phi), cosTheta, -sinTheta * std::cos(phi) };
     out.Emission = this->Sky(out.Wi);

@@ -16,10 +16,10 @@ namespace quell
 /// A triangle that emits; positions relative to the recentred origin.
 struct LightTriangle
 {
-  Vec3f V0, E1, E2, N;         ///< N: unit, the emitting side
-  Vec3f Emission;              ///< the whole emission, or the factor of a textured one
-  float PdfArea = 0;           ///< chance of being picked (groups included) per area
-  float Offset = 0;            ///< how far off the surface shadow rays end
+  Vec3f V0, E1, E2, N; ///< N: unit, the emitting side
+  Vec3f Emission;      ///< the whole emission, or the factor of a textured one
+  float PdfArea = 0;   ///< chance of being picked (groups included) per area
+  float Offset = 0;    ///< how far off the surface shadow rays end
   std::uint32_t Geometry = 0, Primitive = 0;
   bool TwoSided = false, Textured = false;
 };
@@ -28,17 +28,17 @@ struct LightTriangle
 struct PlacedLight
 {
   LightType Type = LightType::Point;
-  Vec3f Position, Direction;   ///< Direction: the way it shines
+  Vec3f Position, Direction; ///< Direction: the way it shines
   Vec3f Intensity;
-  float Range = 0;             ///< 0: no limit
+  float Range = 0; ///< 0: no limit
   float CosInner = 1, CosOuter = 0;
-  float Pick = 0;              ///< chance of being picked, groups included
+  float Pick = 0; ///< chance of being picked, groups included
 };
 
 /// Everything that light can be sampled from: emissive triangles (picked by power = pi A lum(Le), twice that when
-/// two-sided), punctual lights (by power), the environment (by luminance x solid angle of its texels, uniform where it is
-/// constant). Groups that exist share the picks equally. The pdf is a pure function of the light and the two points, the
-/// same for light samples and for BSDF samples that happen to hit the light.
+/// two-sided), punctual lights (by power), the environment (by luminance x solid angle of its texels, uniform where it
+/// is constant). Groups that exist share the picks equally. The pdf is a pure function of the light and the two points,
+/// the same for light samples and for BSDF samples that happen to hit the light.
 class VTKQUELLRAYTRACING_EXPORT LightSampler
 {
 public:
@@ -51,13 +51,13 @@ public:
       Punctual,
       Sky
     } Kind = From::None;
-    Vec3f Wi;                  ///< unit, towards the light
-    Vec3f Target;              ///< end of the shadow ray (Triangle, Point and Spot); direction when AtInfinity
-    Vec3f Emission;            ///< radiance, or irradiance on a facing plane for punctual lights; factor when Textured
-    float Pdf = 0;             ///< solid angle x pick; pick alone for punctual lights
+    Vec3f Wi;       ///< unit, towards the light
+    Vec3f Target;   ///< end of the shadow ray (Triangle, Point and Spot); direction when AtInfinity
+    Vec3f Emission; ///< radiance, or irradiance on a facing plane for punctual lights; factor when Textured
+    float Pdf = 0;  ///< solid angle x pick; pick alone for punctual lights
     bool AtInfinity = false, Textured = false;
     std::uint32_t Geometry = 0, Primitive = 0;
-    float U = 0, V = 0;        ///< barycentrics
+    float U = 0, V = 0; ///< barycentrics
   };
 
   /// `average`: mean emission over each triangle (for its power); the same as Emission where nothing is textured.
@@ -92,15 +92,15 @@ private:
   }
 
   std::vector<LightTriangle> Triangles;
-  std::vector<double> TriangleCdf;  ///< upper ends, the last one is 1
+  std::vector<double> TriangleCdf; ///< upper ends, the last one is 1
   std::vector<PlacedLight> Punctual;
   std::vector<double> PunctualCdf;
-  float TriangleEnd = 0, PunctualEnd = 0;  ///< group ends on [0, 1]
+  float TriangleEnd = 0, PunctualEnd = 0; ///< group ends on [0, 1]
   float SkyPick = 0;
 
   bool SkyPresent = false;
   Vec3f SkyColor;
-  int ImageWidth = 0, ImageHeight = 0;  ///< 0: constant
+  int ImageWidth = 0, ImageHeight = 0; ///< 0: constant
   std::vector<float> Image;
   std::vector<float> RowCdf, ColumnCdf; ///< upper ends; rows, then columns of each row
 };

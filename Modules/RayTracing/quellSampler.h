@@ -45,8 +45,8 @@ inline std::uint32_t Owen(std::uint32_t v, std::uint32_t seed) noexcept
   return ReverseBits(ScrambleReversed(ReverseBits(v), seed));
 }
 
-/// Bits of Sobol dimension 1 in reversed order: the generator matrix is Pascal's triangle mod 2, that is the substitution
-/// x -> 1 + x in the polynomial whose coefficients are the bits, done block by block.
+/// Bits of Sobol dimension 1 in reversed order: the generator matrix is Pascal's triangle mod 2, that is the
+/// substitution x -> 1 + x in the polynomial whose coefficients are the bits, done block by block.
 inline std::uint32_t PascalReversed(std::uint32_t v) noexcept
 {
   v ^= v >> 16;
@@ -56,11 +56,20 @@ inline std::uint32_t PascalReversed(std::uint32_t v) noexcept
   return v ^ ((v & 0xaaaaaaaau) >> 1);
 }
 /// Sobol dimensions 0 and 1.
-inline std::uint32_t Sobol0(std::uint32_t i) noexcept { return ReverseBits(i); }
-inline std::uint32_t Sobol1(std::uint32_t i) noexcept { return ReverseBits(PascalReversed(i)); }
+inline std::uint32_t Sobol0(std::uint32_t i) noexcept
+{
+  return ReverseBits(i);
+}
+inline std::uint32_t Sobol1(std::uint32_t i) noexcept
+{
+  return ReverseBits(PascalReversed(i));
+}
 
 /// [0, 1); the largest value is 1 - 2^-24.
-inline float UnitFloat(std::uint32_t v) noexcept { return float(v >> 8) * 0x1p-24f; }
+inline float UnitFloat(std::uint32_t v) noexcept
+{
+  return float(v >> 8) * 0x1p-24f;
+}
 
 /// Radical inverse, for Halton points.
 inline double RadicalInverse(int base, std::uint32_t i) noexcept
@@ -83,14 +92,14 @@ inline Vec2<double> HaltonOffset(std::uint32_t i) noexcept
 /// The dimension ledger: which pair feeds which decision.
 enum SamplePair : std::uint32_t
 {
-  PairPixel = 0,       ///< position in the pixel
+  PairPixel = 0, ///< position in the pixel
   PairLens = 1,
   PairTime = 2,
   PairFirstBounce = 3, ///< then PairsPerBounce for each vertex
   PairLightPick = 0,   ///< x: which light, y: Russian roulette
   PairLightPoint = 1,
   PairBsdf = 2,
-  PairLobe = 3,        ///< x: which lobe, y: reflect or transmit
+  PairLobe = 3, ///< x: which lobe, y: reflect or transmit
   PairsPerBounce = 4
 };
 
@@ -105,10 +114,7 @@ public:
   {
   }
   /// Seeds are mixed before they meet the pixel: images of neighbouring seeds would be permutations of each other.
-  static std::uint64_t SeedKey(std::uint64_t seed) noexcept
-  {
-    return sampling::Mix64(seed + 0x9e3779b97f4a7c15ull);
-  }
+  static std::uint64_t SeedKey(std::uint64_t seed) noexcept { return sampling::Mix64(seed + 0x9e3779b97f4a7c15ull); }
 
   Vec2f Pair(std::uint32_t pair) const noexcept
   {

@@ -19,12 +19,12 @@ QUELL_STAGE_DESCRIPTION(vtkQuellPathTraceSource)
 
 struct vtkQuellPathTraceSource::Internals
 {
-  std::shared_ptr<const quell::Scene> Given;   ///< by SetScene
-  std::shared_ptr<const quell::Scene> Loaded;  ///< from files, or Given with another environment
-  std::string LoadedFrom;                      ///< files and their times
-  bool Studio = false;                         ///< the sky is ours, because the scene has no light
+  std::shared_ptr<const quell::Scene> Given;  ///< by SetScene
+  std::shared_ptr<const quell::Scene> Loaded; ///< from files, or Given with another environment
+  std::string LoadedFrom;                     ///< files and their times
+  bool Studio = false;                        ///< the sky is ours, because the scene has no light
   bool WarnedOfDarkness = false;
-  int Generation = 0;                          ///< counts scenes
+  int Generation = 0; ///< counts scenes
   std::unique_ptr<quell::EmbreeScene> Built;
   int BuiltGeneration = -1;
 
@@ -34,7 +34,8 @@ struct vtkQuellPathTraceSource::Internals
   std::map<std::string, std::vector<float>> Arrays;
 };
 
-vtkQuellPathTraceSource::vtkQuellPathTraceSource() : Internal(new Internals)
+vtkQuellPathTraceSource::vtkQuellPathTraceSource()
+  : Internal(new Internals)
 {
   this->InitializePorts();
 }
@@ -48,16 +49,22 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
   d.Brief = "Path-traces a scene: noisy radiance, its layers, guide features and statistics";
   d.Details =
     "Unidirectional path tracing; one light sample and one BSDF sample per vertex, combined by the power heuristic "
-    "(Veach 1997); Owen-scrambled Sobol points; box pixel filter. `emission + direct + indirect = radiance`: light after "
+    "(Veach 1997); Owen-scrambled Sobol points; box pixel filter. `emission + direct + indirect = radiance`: light "
+    "after "
     "no, one, more non-delta scatterings.\n\n"
-    "Materials: glTF metallic-roughness with GGX, height-correlated Smith masking and Schlick's Fresnel term; the diffuse "
+    "Materials: glTF metallic-roughness with GGX, height-correlated Smith masking and Schlick's Fresnel term; the "
+    "diffuse "
     "lobe is (1 - F(o)) (1 - F(i)) / (1 - F_avg) Lambert, which, unlike 1 - F(o.h), creates no energy. Reflection is a "
-    "perfect mirror below roughness 0.032. Transmission is smooth: refraction with the exact Fresnel equations where the "
+    "perfect mirror below roughness 0.032. Transmission is smooth: refraction with the exact Fresnel equations where "
+    "the "
     "material bounds a volume, straight through elsewhere. Shadow rays take glass for opaque and see through alpha. "
     "Back faces are rendered; single-sided emission shines from the front only.\n\n"
-    "Features are means over the samples (`depth`, `position`, `motion`, `normalGeometric` over those that hit), ids come "
-    "from the first sample that hit. With PixelJitter PerSample and one sample per pixel they belong to the jittered point.\n\n"
-    "Samples that are not finite are dropped from their layer and counted. Border rule: none, every pixel stands alone.";
+    "Features are means over the samples (`depth`, `position`, `motion`, `normalGeometric` over those that hit), ids "
+    "come "
+    "from the first sample that hit. With PixelJitter PerSample and one sample per pixel they belong to the jittered "
+    "point.\n\n"
+    "Samples that are not finite are dropped from their layer and counted. Border rule: none, every pixel stands "
+    "alone.";
   d.Output("radiance", ArrayKind::Color, "linear, scene units; the sum of the three layers");
   d.Output("emission", ArrayKind::Color, "light seen directly and through perfect mirrors and glass");
   d.Output("direct", ArrayKind::Color, "light after one non-delta scattering");
@@ -171,7 +178,8 @@ void vtkQuellPathTraceSource::CheckSettings()
   std::error_code error;
   for (const std::string* file : { &this->Scene, &this->Environment })
     if (!file->empty() && !std::filesystem::is_regular_file(*file, error))
-      throw quell::StageError("\"" + *file + "\" is not a file; it must be " +
+      throw quell::StageError(
+        "\"" + *file + "\" is not a file; it must be " +
         (file == &this->Scene ? "a glTF (.gltf, .glb) or OBJ scene" : "a latitude-longitude image"));
 }
 
@@ -264,8 +272,8 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   }
   quell::EmbreeScene& built = *in.Built;
   if (built.DroppedTriangles > 0)
-    this->Warnings.push_back(std::to_string(built.DroppedTriangles) +
-      " triangles left out (no area, or corners that are not finite)");
+    this->Warnings.push_back(
+      std::to_string(built.DroppedTriangles) + " triangles left out (no area, or corners that are not finite)");
 
   quell::Integrator integrator;
   integrator.Scene = &built;
@@ -276,7 +284,8 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   else
   {
     const quell::CameraModel& model = scene.Cameras[index];
-    const auto at = [&](bool previous) {
+    const auto at = [&](bool previous)
+    {
       return quell::Camera(model, model.Node >= 0 ? built.NodeMatrix(model.Node, previous) : model.WorldFromCamera,
         built.Origin(), whole.width(), whole.height());
     };
@@ -305,7 +314,7 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
 
   // Everything the pixels depend on.
   std::string key = std::to_string(in.Generation) + ' ' + std::to_string(tick) + ' ' + std::to_string(rate) + ' ' +
-    std::to_string(whole.width()) + 'x' + std::to_string(whole.height());
+                    std::to_string(whole.width()) + 'x' + std::to_string(whole.height());
   for (const quell::Property& p : this->GetDescription().Properties)
     key += '\n' + p.GetText(this);
   if (in.Key != key || !in.Region.contains(region))
@@ -322,8 +331,8 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       const std::size_t n = entry.second.size() / std::size_t(from.area());
       std::vector<float> crop(std::size_t(region.area()) * n);
       for (int y = region.y0; y < region.y1; ++y)
-        std::copy_n(entry.second.begin() +
-            std::ptrdiff_t(n) * (std::ptrdiff_t(y - from.y0) * from.width() + region.x0 - from.x0),
+        std::copy_n(
+          entry.second.begin() + std::ptrdiff_t(n) * (std::ptrdiff_t(y - from.y0) * from.width() + region.x0 - from.x0),
           std::size_t(region.width()) * n,
           crop.begin() + std::ptrdiff_t(n) * std::ptrdiff_t(y - region.y0) * region.width());
       entry.second = std::move(crop);
@@ -357,7 +366,8 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     wants.Motion = bool(motion);
     wants.Primary = depth || position || normalGeometric || motion || id || material || alpha;
     wants.HitDistance = bool(hitDistance);
-    const bool traces = wants.Emission || wants.Direct || wants.Indirect || wants.Guides || wants.Primary || hitDistance;
+    const bool traces =
+      wants.Emission || wants.Direct || wants.Indirect || wants.Guides || wants.Primary || hitDistance;
     if (wants.Direct || wants.Indirect)
     {
       if (in.Studio)
@@ -370,14 +380,16 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       this->Warnings.push_back("one sample per pixel makes no two halves: halfA and halfB are the same");
 
     std::atomic<std::int64_t> rays{ 0 }, paths{ 0 }, nonFinite{ 0 }, lit{ 0 };
-    const auto put = [](const quell::ImageOut& image, int x, int y, const quell::Vec3d& v, double scale) {
+    const auto put = [](const quell::ImageOut& image, int x, int y, const quell::Vec3d& v, double scale)
+    {
       if (!image)
         return;
       float* p = image.at(x, y);
       for (int c = 0; c < 3; ++c)
         p[c] = float(v[c] * scale);
     };
-    const auto put1 = [](const quell::ImageOut& image, int x, int y, double v) {
+    const auto put1 = [](const quell::ImageOut& image, int x, int y, double v)
+    {
       if (image)
         *image.at(x, y) = float(v);
     };
@@ -387,64 +399,67 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
         for (int x = region.x0; x < region.x1; ++x)
           put1(samples, x, y, this->SamplesPerPixel);
     else
-      this->ForEachTile(region, 16, [&](const quell::Rect& tile) {
-        quell::TraceCounters counters;
-        for (int y = tile.y0; y < tile.y1; ++y)
+      this->ForEachTile(region, 16,
+        [&](const quell::Rect& tile)
         {
-          if (this->IsCancelled())
-            return;
-          for (int x = tile.x0; x < tile.x1; ++x)
+          quell::TraceCounters counters;
+          for (int y = tile.y0; y < tile.y1; ++y)
           {
-            quell::PixelResult r;
-            integrator.Pixel(x, y, r, counters);
-            const double n = 1. / r.Samples, hits = r.Hits > 0 ? 1. / r.Hits : 0;
-            const quell::Vec3d sum = r.Emission + r.Direct + r.Indirect;
-            counters.Lit += quell::MaxComponent(sum) * n > 1e-3;
-            put(radiance, x, y, sum, n);
-            put(emission, x, y, r.Emission, n);
-            put(direct, x, y, r.Direct, n);
-            put(indirect, x, y, r.Indirect, n);
-            put(albedo, x, y, r.Albedo, n);
-            put(normal, x, y, unit(r.Normal), 1);
-            put1(roughness, x, y, r.Roughness * n);
-            put1(depth, x, y, r.Hits > 0 ? r.Depth * hits : std::numeric_limits<double>::infinity());
-            put(position, x, y, r.Position, hits);
-            put(normalGeometric, x, y, unit(r.NormalGeometric), 1);
-            if (motion)
+            if (this->IsCancelled())
+              return;
+            for (int x = tile.x0; x < tile.x1; ++x)
             {
-              const quell::Vec2<double> m = r.Hits > 0 ? r.Motion : r.SkyMotion;
-              const double k = r.Hits > 0 ? hits : n;
-              motion.at(x, y)[0] = float(m.x * k);
-              motion.at(x, y)[1] = float(m.y * k);
+              quell::PixelResult r;
+              integrator.Pixel(x, y, r, counters);
+              const double n = 1. / r.Samples, hits = r.Hits > 0 ? 1. / r.Hits : 0;
+              const quell::Vec3d sum = r.Emission + r.Direct + r.Indirect;
+              counters.Lit += quell::MaxComponent(sum) * n > 1e-3;
+              put(radiance, x, y, sum, n);
+              put(emission, x, y, r.Emission, n);
+              put(direct, x, y, r.Direct, n);
+              put(indirect, x, y, r.Indirect, n);
+              put(albedo, x, y, r.Albedo, n);
+              put(normal, x, y, unit(r.Normal), 1);
+              put1(roughness, x, y, r.Roughness * n);
+              put1(depth, x, y, r.Hits > 0 ? r.Depth * hits : std::numeric_limits<double>::infinity());
+              put(position, x, y, r.Position, hits);
+              put(normalGeometric, x, y, unit(r.NormalGeometric), 1);
+              if (motion)
+              {
+                const quell::Vec2<double> m = r.Hits > 0 ? r.Motion : r.SkyMotion;
+                const double k = r.Hits > 0 ? hits : n;
+                motion.at(x, y)[0] = float(m.x * k);
+                motion.at(x, y)[1] = float(m.y * k);
+              }
+              put1(id, x, y, r.Id);
+              put1(material, x, y, r.Material);
+              put1(hitDistance, x, y,
+                r.HitDistances > 0 ? r.HitDistance / r.HitDistances : std::numeric_limits<double>::infinity());
+              put1(variance, x, y, r.Samples > 1 ? r.SquareLuminance * n / (r.Samples - 1) : 0);
+              const int odd = (r.Samples + this->FirstSample % 2) / 2, even = r.Samples - odd;
+              put(halfA, x, y, even > 0 ? r.HalfA : r.HalfB, 1. / (even > 0 ? even : odd));
+              put(halfB, x, y, odd > 0 ? r.HalfB : r.HalfA, 1. / (odd > 0 ? odd : even));
+              put1(samples, x, y, r.Samples);
+              put1(alpha, x, y, r.Hits * n);
             }
-            put1(id, x, y, r.Id);
-            put1(material, x, y, r.Material);
-            put1(hitDistance, x, y,
-              r.HitDistances > 0 ? r.HitDistance / r.HitDistances : std::numeric_limits<double>::infinity());
-            put1(variance, x, y, r.Samples > 1 ? r.SquareLuminance * n / (r.Samples - 1) : 0);
-            const int odd = (r.Samples + this->FirstSample % 2) / 2, even = r.Samples - odd;
-            put(halfA, x, y, even > 0 ? r.HalfA : r.HalfB, 1. / (even > 0 ? even : odd));
-            put(halfB, x, y, odd > 0 ? r.HalfB : r.HalfA, 1. / (odd > 0 ? odd : even));
-            put1(samples, x, y, r.Samples);
-            put1(alpha, x, y, r.Hits * n);
           }
-        }
-        rays += counters.Rays;
-        paths += counters.Paths;
-        nonFinite += counters.NonFinite;
-        lit += counters.Lit;
-      });
+          rays += counters.Rays;
+          paths += counters.Paths;
+          nonFinite += counters.NonFinite;
+          lit += counters.Lit;
+        });
     this->Counters.Rays += rays;
     this->Counters.Paths += paths;
     this->Counters.NonFinite += nonFinite;
     if (nonFinite > 0)
       this->Warnings.push_back(std::to_string(nonFinite) + " samples were not finite and were dropped");
-    if (wants.Emission && wants.Direct && wants.Indirect && integrator.MaximumBounces > 0 && region == whole && 100 * lit < region.area() &&
-      !this->IsCancelled() && scene.HasLight() && !in.WarnedOfDarkness)
+    if (wants.Emission && wants.Direct && wants.Indirect && integrator.MaximumBounces > 0 && region == whole &&
+        100 * lit < region.area() && !this->IsCancelled() && scene.HasLight() && !in.WarnedOfDarkness)
     {
       in.WarnedOfDarkness = true;
-      this->Warnings.push_back("almost every pixel is black (below 0.001): little light reaches what the camera sees; set "
-                               "Environment, DefaultSky to Always, or another Camera");
+      this->Warnings.push_back(
+        "almost every pixel is black (below 0.001): little light reaches what the camera sees; set "
+        "Environment, DefaultSky to Always, or another Camera");
     }
   }
 
@@ -480,7 +495,8 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
              &m.EmissiveTexture, &m.TransmissionTexture })
         textures |= use->Texture >= 0;
     }
-    const auto out = [&](bool has, const char* text) {
+    const auto out = [&](bool has, const char* text)
+    {
       if (!has)
         lines.push_back(text);
     };
@@ -497,7 +513,8 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
     if (!scene.HasLight())
       lines.push_back("no light at all: the image is black");
     const int bounces = this->Bounces();
-    lines.push_back("paths end after " + std::to_string(bounces) + " scatterings" +
+    lines.push_back(
+      "paths end after " + std::to_string(bounces) + " scatterings" +
       (this->MaximumBounces < 0 ? (scene.MaximumDepth >= 0 ? " (the scene's max_depth)" : " (default)") : ""));
     if (bounces <= this->RussianRouletteStart)
       lines.push_back("no Russian roulette: paths are shorter than RussianRouletteStart");

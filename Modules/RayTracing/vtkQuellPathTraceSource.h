@@ -12,11 +12,14 @@
  * - radiance = emission + direct + indirect: light after 0, 1, more non-delta scatterings.
  * - albedo, normal, roughness (glTF's, perceptual): at the first vertex that is not a perfect mirror or clear glass;
  *   1, 0, 0 where there is none. The normal is the shading normal on the viewer's side, renormalised.
- * - depth (along the view axis), position (relative to the facts' origin), normalGeometric: of the primary hit, means over
- *   the samples that hit; +inf, 0, 0 where none did. id and material: of the first sample that hit (never mixed), 0: none.
+ * - depth (along the view axis), position (relative to the facts' origin), normalGeometric: of the primary hit, means
+ * over the samples that hit; +inf, 0, 0 where none did. id and material: of the first sample that hit (never mixed), 0:
+ * none.
  * - motion: pixels from here to where the primary hit was on tick - 1, without jitter: object and camera motion for
- *   hits; where nothing was hit, camera rotation. Exactly 0 where nothing moved; 1e6 where the point was behind the camera.
- * - hitDistance: length of the first segment after the first non-delta scattering, mean over the samples that hit there.
+ *   hits; where nothing was hit, camera rotation. Exactly 0 where nothing moved; 1e6 where the point was behind the
+ * camera.
+ * - hitDistance: length of the first segment after the first non-delta scattering, mean over the samples that hit
+ * there.
  * - variance: of the pixel's mean luminance, from the spread of its samples (0 for one sample); halfA, halfB: radiance
  *   of even and odd samples (with one sample both are that sample); samples; alpha: part of the samples that hit.
  *
@@ -78,8 +81,8 @@ public:
   const std::string& GetEnvironment() const { return this->Environment; }
   ///@}
   ///@{
-  /// Whether a studio sky (quell::AddStudioSky) lights a scene without environment. WhenDark (default): where the scene has
-  /// no light at all; a warning says so.
+  /// Whether a studio sky (quell::AddStudioSky) lights a scene without environment. WhenDark (default): where the scene
+  /// has no light at all; a warning says so.
   void SetDefaultSky(int mode);
   int GetDefaultSky() const { return this->DefaultSky; }
   ///@}
@@ -101,8 +104,8 @@ public:
   vtkGetMacro(FirstSample, int);
   ///@}
   ///@{
-  /// Scatterings of a path: 0 emission only, 1 direct light, 2 one indirect bounce ... Mirrors and glass count. -1 (default):
-  /// the scene's extras.max_depth - 1, else 6. [-1, 1024]
+  /// Scatterings of a path: 0 emission only, 1 direct light, 2 one indirect bounce ... Mirrors and glass count. -1
+  /// (default): the scene's extras.max_depth - 1, else 6. [-1, 1024]
   vtkSetClampMacro(MaximumBounces, int, -1, 1024);
   vtkGetMacro(MaximumBounces, int);
   ///@}

@@ -68,7 +68,7 @@ GltfContainer OpenGltf(const std::string& file, const Bytes& content)
   }
   catch (const nlohmann::json::exception& e)
   {
-    std::string what = e.what();  // "[json.exception...] parse error at line 1, column 2: ..."
+    std::string what = e.what(); // "[json.exception...] parse error at line 1, column 2: ..."
     const std::size_t bracket = what.find("] ");
     Fail(file, "JSON", bracket == std::string::npos ? what : what.substr(bracket + 2),
       "this is not a glTF file, or it was cut off");
@@ -98,8 +98,8 @@ const Bytes& GltfAccess::Buffer(std::size_t index, const JsonValue& who)
   {
     if (index != 0 || !this->Container.HasBinary)
     {
-      const bool meshopt = who.HasExtension("EXT_meshopt_compression") ||
-        buffer.HasExtension("EXT_meshopt_compression");
+      const bool meshopt =
+        who.HasExtension("EXT_meshopt_compression") || buffer.HasExtension("EXT_meshopt_compression");
       buffer.Fail(meshopt ? "the buffer exists only as EXT_meshopt_compression, which is not supported"
                           : "the buffer has neither a uri nor a binary chunk",
         meshopt ? "export the file without mesh compression" : Reexport);
@@ -127,8 +127,8 @@ const Bytes& GltfAccess::Buffer(std::size_t index, const JsonValue& who)
     }
   }
   if (bytes.size() < length)
-    buffer.Fail("byteLength is " + std::to_string(length) + ", but only " + std::to_string(bytes.size()) +
-        " bytes are there",
+    buffer.Fail(
+      "byteLength is " + std::to_string(length) + ", but only " + std::to_string(bytes.size()) + " bytes are there",
       "the buffer was cut off; copy or export it again");
   // Padding after byteLength is no data; a length of 0 is caught by the ranges.
   bytes.resize(std::size_t(length));
@@ -148,16 +148,16 @@ GltfAccess::Range GltfAccess::BufferView(const JsonValue& view)
   const Bytes& bytes = this->Buffer(b, view);
   const std::uint64_t offset = view.UnsignedOr("byteOffset", 0), length = view.Get("byteLength").Unsigned();
   if (offset > bytes.size() || length > bytes.size() - offset)
-    view.Fail("bytes " + std::to_string(offset) + " to " + std::to_string(offset + length) +
-        " lie outside buffer " + std::to_string(b) + " of " + std::to_string(bytes.size()) + " bytes",
+    view.Fail("bytes " + std::to_string(offset) + " to " + std::to_string(offset + length) + " lie outside buffer " +
+                std::to_string(b) + " of " + std::to_string(bytes.size()) + " bytes",
       "correct byteOffset and byteLength or export the file again");
   Range range{ bytes.data() + offset, length, 0 };
   if (view.Has("byteStride"))
   {
     range.Stride = view.Get("byteStride").Unsigned();
     if (range.Stride < 4 || range.Stride > 252 || range.Stride % 4 != 0)
-      view.Get("byteStride").Fail("byteStride " + std::to_string(range.Stride) + " is not a multiple of 4 from 4 to 252",
-        Reexport);
+      view.Get("byteStride")
+        .Fail("byteStride " + std::to_string(range.Stride) + " is not a multiple of 4 from 4 to 252", Reexport);
   }
   return range;
 }
@@ -174,14 +174,14 @@ GltfAccess::Range GltfAccess::Slice(const JsonValue& owner, std::uint64_t count,
   const std::uint64_t offset = owner.UnsignedOr("byteOffset", 0);
   const std::uint64_t stride = strided && range.Stride ? range.Stride : size;
   if (stride < size)
-    owner.Fail("byteStride " + std::to_string(stride) + " is smaller than an element of " + std::to_string(size) +
-        " bytes",
+    owner.Fail(
+      "byteStride " + std::to_string(stride) + " is smaller than an element of " + std::to_string(size) + " bytes",
       Reexport);
   // offset + (count - 1) stride + size <= Size, without a product that could overflow.
   if (count > 0 &&
-    (offset > range.Size || size > range.Size - offset || (count - 1) > (range.Size - offset - size) / stride))
+      (offset > range.Size || size > range.Size - offset || (count - 1) > (range.Size - offset - size) / stride))
     owner.Fail(std::to_string(count) + " elements of " + std::to_string(size) + " bytes from byte " +
-        std::to_string(offset) + " do not fit the bufferView of " + std::to_string(range.Size) + " bytes",
+                 std::to_string(offset) + " do not fit the bufferView of " + std::to_string(range.Size) + " bytes",
       "correct count and byteOffset or export the file again");
   return { range.Data + (count > 0 ? offset : 0), count * size, stride };
 }
@@ -216,9 +216,8 @@ GltfAccess::Element GltfAccess::Describe(const JsonValue& accessor, const char* 
   const JsonValue component = accessor.Get("componentType");
   e.ComponentType = int(component.Unsigned(0xffff));
   if (ComponentSize(e.ComponentType) == 0)
-    component.Fail("componentType " + std::to_string(e.ComponentType) +
-        " is none of 5120, 5121, 5122, 5123, 5125, 5126",
-      Reexport);
+    component.Fail(
+      "componentType " + std::to_string(e.ComponentType) + " is none of 5120, 5121, 5122, 5123, 5125, 5126", Reexport);
   const JsonValue typeValue = accessor.Get("type");
   const std::string& type = typeValue.String();
   static const struct
@@ -245,14 +244,14 @@ template <class T, class Convert>
 void GltfAccess::Read(const JsonValue& accessor, const Element& e, std::vector<T>& out, Convert convert)
 {
   const std::uint64_t width = ComponentSize(e.ComponentType);
-  const auto element = [&](const std::uint8_t* from, std::uint64_t to) {
+  const auto element = [&](const std::uint8_t* from, std::uint64_t to)
+  {
     for (int k = 0; k < e.Components; ++k)
       out[std::size_t(to) * std::size_t(e.Components) + std::size_t(k)] = convert(from + std::uint64_t(k) * width);
   };
   const bool view = accessor.Has("bufferView");
   if (!view && e.Count > (1u << 24))
-    accessor.Get("count").Fail(
-      "an accessor without a bufferView may have at most 2^24 elements (all zero)", Reexport);
+    accessor.Get("count").Fail("an accessor without a bufferView may have at most 2^24 elements (all zero)", Reexport);
   Range range;
   if (view)
     range = this->Slice(accessor, e.Count, e.Size, true);
@@ -277,7 +276,7 @@ void GltfAccess::Read(const JsonValue& accessor, const Element& e, std::vector<T
       index |= std::uint32_t(at.Data[i * indexSize + k]) << (8 * k);
     if (index >= e.Count)
       indices.Fail("sparse index " + std::to_string(index) + " lies outside the accessor of " +
-          std::to_string(e.Count) + " elements",
+                     std::to_string(e.Count) + " elements",
         Reexport);
     element(from.Data + i * e.Size, index);
   }
@@ -308,37 +307,45 @@ GltfAccess::Array GltfAccess::Floats(const JsonValue& index, const char* types, 
   switch (e.ComponentType)
   {
     case 5120:
-      this->Read(accessor, e, out.Values, [=](const std::uint8_t* p) {
-        const float v = float(std::int8_t(*p));
-        return normalized ? std::max(v / 127.f, -1.f) : v;
-      });
+      this->Read(accessor, e, out.Values,
+        [=](const std::uint8_t* p)
+        {
+          const float v = float(std::int8_t(*p));
+          return normalized ? std::max(v / 127.f, -1.f) : v;
+        });
       break;
     case 5121:
-      this->Read(accessor, e, out.Values,
-        [=](const std::uint8_t* p) { return normalized ? float(*p) / 255.f : float(*p); });
+      this->Read(
+        accessor, e, out.Values, [=](const std::uint8_t* p) { return normalized ? float(*p) / 255.f : float(*p); });
       break;
     case 5122:
-      this->Read(accessor, e, out.Values, [=](const std::uint8_t* p) {
-        const float v = float(std::int16_t(std::uint16_t(p[0] | p[1] << 8)));
-        return normalized ? std::max(v / 32767.f, -1.f) : v;
-      });
+      this->Read(accessor, e, out.Values,
+        [=](const std::uint8_t* p)
+        {
+          const float v = float(std::int16_t(std::uint16_t(p[0] | p[1] << 8)));
+          return normalized ? std::max(v / 32767.f, -1.f) : v;
+        });
       break;
     case 5123:
-      this->Read(accessor, e, out.Values, [=](const std::uint8_t* p) {
-        const float v = float(p[0] | p[1] << 8);
-        return normalized ? v / 65535.f : v;
-      });
+      this->Read(accessor, e, out.Values,
+        [=](const std::uint8_t* p)
+        {
+          const float v = float(p[0] | p[1] << 8);
+          return normalized ? v / 65535.f : v;
+        });
       break;
     case 5125:
       this->Read(accessor, e, out.Values, [=](const std::uint8_t* p) { return float(Little32(p)); });
       break;
     default:
-      this->Read(accessor, e, out.Values, [](const std::uint8_t* p) {
-        const std::uint32_t bits = Little32(p);
-        float v;
-        std::memcpy(&v, &bits, sizeof v);
-        return v;
-      });
+      this->Read(accessor, e, out.Values,
+        [](const std::uint8_t* p)
+        {
+          const std::uint32_t bits = Little32(p);
+          float v;
+          std::memcpy(&v, &bits, sizeof v);
+          return v;
+        });
   }
   return out;
 }
@@ -360,9 +367,9 @@ std::vector<std::uint32_t> GltfAccess::Integers(const JsonValue& index, const ch
       this->Read(accessor, e, out, [](const std::uint8_t* p) { return Little32(p); });
       break;
     default:
-      accessor.Get("componentType").Fail("indices must be unsigned integers (5121, 5123 or 5125), found " +
-          std::to_string(e.ComponentType),
-        Reexport);
+      accessor.Get("componentType")
+        .Fail(
+          "indices must be unsigned integers (5121, 5123 or 5125), found " + std::to_string(e.ComponentType), Reexport);
   }
   return out;
 }

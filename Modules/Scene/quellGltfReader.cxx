@@ -94,10 +94,10 @@ private:
   JsonValue Root;
   GltfAccess Access;
   ContentHash& Hash;
-  std::vector<char> Reached;                                 ///< node belongs to the scene that is shown
-  std::map<std::pair<std::size_t, bool>, int> TextureCache;  ///< (texture, sRGB) -> Scene::Textures or -1
+  std::vector<char> Reached;                                ///< node belongs to the scene that is shown
+  std::map<std::pair<std::size_t, bool>, int> TextureCache; ///< (texture, sRGB) -> Scene::Textures or -1
   std::map<std::size_t, Texture> ImageCache;
-  std::map<std::pair<std::size_t, std::size_t>, int> MeshCache;  ///< (mesh, primitive) -> Scene::Meshes or -1
+  std::map<std::pair<std::size_t, std::size_t>, int> MeshCache; ///< (mesh, primitive) -> Scene::Meshes or -1
   std::vector<char> TexturesResolved;
   int DefaultMaterial = -1;
 };
@@ -153,7 +153,8 @@ void GltfReader::CheckHeader()
     const JsonValue item = this->Root.Get("extensionsUsed").At(i);
     const std::string& name = item.String();
     if (!Contains(Understood, name) && !Contains(Harmless, name))
-      this->Warn(item, "extension " + name + " is not supported and ignored", "the picture may differ from the author's");
+      this->Warn(
+        item, "extension " + name + " is not supported and ignored", "the picture may differ from the author's");
   }
 }
 
@@ -170,7 +171,7 @@ void GltfReader::ReadNodes()
     {
       const std::vector<double> m = json.Get("matrix").Numbers(16);
       for (std::size_t k = 0; k < 16; ++k)
-        node.Matrix.m[k % 4][k / 4] = m[k];  // glTF stores columns
+        node.Matrix.m[k % 4][k / 4] = m[k]; // glTF stores columns
       node.HasMatrix = true;
       if (m[3] != 0 || m[7] != 0 || m[11] != 0 || m[15] != 1)
         this->Warn(json.Get("matrix"), "the last row is not 0 0 0 1 and is ignored", "use an affine matrix");
@@ -202,10 +203,13 @@ void GltfReader::ReadNodes()
     {
       Node& child = this->Out.Nodes[std::size_t(this->Out.Nodes[i].Children[k])];
       if (child.Parent >= 0)
-        this->Root.Get("nodes").At(i).Get("children").At(k).Fail("node " +
-            std::to_string(this->Out.Nodes[i].Children[k]) + " is already a child of node " +
-            std::to_string(child.Parent),
-          "give every node one parent");
+        this->Root.Get("nodes")
+          .At(i)
+          .Get("children")
+          .At(k)
+          .Fail("node " + std::to_string(this->Out.Nodes[i].Children[k]) + " is already a child of node " +
+                  std::to_string(child.Parent),
+            "give every node one parent");
       child.Parent = int(i);
     }
   // With one parent each, whatever no root reaches is a cycle.
@@ -223,7 +227,8 @@ void GltfReader::ReadNodes()
   }
   for (std::size_t i = 0; i < count; ++i)
     if (!seen[i])
-      this->Root.Get("nodes").At(i).Fail("the node is its own descendant (a cycle of nodes)", "remove the cycle from \"children\"");
+      this->Root.Get("nodes").At(i).Fail(
+        "the node is its own descendant (a cycle of nodes)", "remove the cycle from \"children\"");
 }
 
 void GltfReader::ReadDefaultScene()
@@ -329,7 +334,8 @@ void GltfReader::ReadEnvironment(const JsonValue& entry)
     return;
   }
   if (repaired > 0)
-    this->Warn(entry, std::to_string(repaired) + " value(s) of the environment are negative or not finite and became 0", "");
+    this->Warn(
+      entry, std::to_string(repaired) + " value(s) of the environment are negative or not finite and became 0", "");
   Bytes content;
   if (ReadFile(path, content, reason))
     this->Hash.Add(content.data(), content.size());
@@ -359,8 +365,8 @@ void GltfReader::ReadEnvironment(const JsonValue& entry)
       for (int x = 0; x < image.Width; ++x)
       {
         const double theta = pi * (y + 0.5) / image.Height, phi = 2 * pi * ((x + 0.5) / image.Width - 0.5);
-        const Vec3d d = Normalized(toLocal.Direction(
-          { std::sin(theta) * std::sin(phi), std::cos(theta), -std::sin(theta) * std::cos(phi) }));
+        const Vec3d d = Normalized(
+          toLocal.Direction({ std::sin(theta) * std::sin(phi), std::cos(theta), -std::sin(theta) * std::cos(phi) }));
         const double u = std::atan2(d.x, -d.z) / (2 * pi), v = std::acos(std::min(std::max(d.y, -1.), 1.)) / pi;
         const Vec4f c = image.Sample(float(u), float(v));
         float* p = &turned[(std::size_t(y) * std::size_t(image.Width) + std::size_t(x)) * 4];
@@ -400,7 +406,8 @@ TextureUse GltfReader::ReadTextureUse(const JsonValue& info)
     use.Transform[1][2] = float(offset[1]);
   }
   if (set > 1)
-    this->Warn(info, "texture coordinates " + std::to_string(set) + " are not supported; set 0 is used", "use two sets at most");
+    this->Warn(
+      info, "texture coordinates " + std::to_string(set) + " are not supported; set 0 is used", "use two sets at most");
   use.TexCoord = set == 1 ? 1 : 0;
   return use;
 }
@@ -469,7 +476,7 @@ void GltfReader::ReadMaterial(const JsonValue& json, Material& m)
   {
     const JsonValue e = json.Extension("KHR_materials_ior");
     m.Ior = e.FloatOr("ior", 1.5f);
-    if (m.Ior == 0)  // the extension's way to say "reflect everything"; an index of 1e4 does that
+    if (m.Ior == 0) // the extension's way to say "reflect everything"; an index of 1e4 does that
       m.Ior = 1e4f;
     else
       m.Ior = this->Clamped(e, "ior", 1.5f, 1, 1e4f);
@@ -555,9 +562,9 @@ int GltfReader::ReadTexture(const JsonValue& json, bool srgb)
       const std::uint64_t code = sampler.UnsignedOr(key, 10497);
       if (code != 10497 && code != 33071 && code != 33648)
         this->Warn(sampler.Get(key), "unknown wrap mode " + std::to_string(code) + "; repeat is used", "");
-      (key[4] == 'S' ? texture.WrapS : texture.WrapT) = code == 33071 ? Wrap::Clamp
-        : code == 33648                                              ? Wrap::Mirror
-                                                                     : Wrap::Repeat;
+      (key[4] == 'S' ? texture.WrapS : texture.WrapT) = code == 33071   ? Wrap::Clamp
+                                                        : code == 33648 ? Wrap::Mirror
+                                                                        : Wrap::Repeat;
     }
   }
   this->Out.Textures.push_back(std::move(texture));
@@ -571,7 +578,8 @@ void GltfReader::ResolveTextures(std::size_t index)
     return;
   this->TexturesResolved[index] = 1;
   Material& m = this->Out.Materials[index];
-  const auto resolve = [&](TextureUse& use, bool srgb) {
+  const auto resolve = [&](TextureUse& use, bool srgb)
+  {
     if (use.Texture < 0)
       return;
     const std::pair<std::size_t, bool> key(std::size_t(use.Texture), srgb);
@@ -587,7 +595,7 @@ void GltfReader::ResolveTextures(std::size_t index)
   const bool hadEmissive = m.EmissiveTexture.Texture >= 0;
   resolve(m.EmissiveTexture, true);
   if (hadEmissive && m.EmissiveTexture.Texture < 0)
-    m.Emission = Vec3f(0);  // a lost picture of a lamp's glow must not make the whole object a lamp
+    m.Emission = Vec3f(0); // a lost picture of a lamp's glow must not make the whole object a lamp
 }
 
 int GltfReader::UsedMaterial(const JsonValue& primitive)
@@ -735,7 +743,8 @@ int GltfReader::ReadPrimitive(
     primitive.Get("mode").Fail("primitive mode " + std::to_string(mode) + " does not exist", "use 0 to 6");
   if (mode < 4)
   {
-    this->Warn(primitive, mode == 0 ? "points are not rendered" : "lines are not rendered", "convert them to triangles");
+    this->Warn(
+      primitive, mode == 0 ? "points are not rendered" : "lines are not rendered", "convert them to triangles");
     return -1;
   }
   const JsonValue attributes = primitive.Get("attributes");
@@ -751,13 +760,14 @@ int GltfReader::ReadPrimitive(
   out.Name = this->NameOf(mesh, this->Out.Nodes[std::size_t(index)].Name);
   const GltfAccess::Array positions = this->Access.Floats(attributes.Get("POSITION"), "VEC3");
   const std::size_t n = positions.Count;
-  const auto same = [&](const char* key, const GltfAccess::Array& array) {
+  const auto same = [&](const char* key, const GltfAccess::Array& array)
+  {
     if (array.Count != n)
-      attributes.Get(key).Fail("the attribute has " + std::to_string(array.Count) + " elements, POSITION has " +
-          std::to_string(n),
-        Reexport);
+      attributes.Get(key).Fail(
+        "the attribute has " + std::to_string(array.Count) + " elements, POSITION has " + std::to_string(n), Reexport);
   };
-  const auto vectors = [](const GltfAccess::Array& array) {
+  const auto vectors = [](const GltfAccess::Array& array)
+  {
     std::vector<Vec3f> v(array.Count);
     for (std::size_t i = 0; i < v.size(); ++i)
       v[i] = { array.Values[3 * i], array.Values[3 * i + 1], array.Values[3 * i + 2] };
@@ -770,7 +780,7 @@ int GltfReader::ReadPrimitive(
     same("NORMAL", a);
     out.Normals = vectors(a);
   }
-  if (attributes.Has("TANGENT") && !out.Normals.empty())  // without normals tangents are to be ignored (3.7.2.1)
+  if (attributes.Has("TANGENT") && !out.Normals.empty()) // without normals tangents are to be ignored (3.7.2.1)
   {
     const GltfAccess::Array a = this->Access.Floats(attributes.Get("TANGENT"), "VEC4");
     same("TANGENT", a);
@@ -806,7 +816,7 @@ int GltfReader::ReadPrimitive(
     for (std::size_t i = 0; i < list.size(); ++i)
       if (list[i] >= n)
         primitive.Get("indices").Fail("index " + std::to_string(list[i]) + " at place " + std::to_string(i) +
-            " lies outside the " + std::to_string(n) + " vertices",
+                                        " lies outside the " + std::to_string(n) + " vertices",
           Reexport);
   }
   else
@@ -828,7 +838,8 @@ int GltfReader::ReadPrimitive(
     for (std::size_t i = 0; i + 2 < list.size(); ++i)
     {
       // glTF 3.7.2.1: strips keep their winding by swapping every other triangle; fans turn about the first vertex.
-      const std::size_t a = mode == 5 ? i : i + 1, b = mode == 5 ? i + 1 + i % 2 : i + 2, c = mode == 5 ? i + 2 - i % 2 : 0;
+      const std::size_t a = mode == 5 ? i : i + 1, b = mode == 5 ? i + 1 + i % 2 : i + 2,
+                        c = mode == 5 ? i + 2 - i % 2 : 0;
       for (const std::size_t k : { a, b, c })
         out.Indices.push_back(list[k]);
     }
@@ -867,8 +878,8 @@ void GltfReader::Bake(const JsonValue& primitive, const JsonValue& mesh, const J
           continue;
         const GltfAccess::Array a = this->Access.Floats(target.Get(key), "VEC3");
         if (a.Count != n)
-          target.Get(key).Fail("the morph target has " + std::to_string(a.Count) + " elements, POSITION has " +
-              std::to_string(n),
+          target.Get(key).Fail(
+            "the morph target has " + std::to_string(a.Count) + " elements, POSITION has " + std::to_string(n),
             Reexport);
         for (std::size_t i = 0; i < n; ++i)
           base[i] += Vec3f(a.Values[3 * i], a.Values[3 * i + 1], a.Values[3 * i + 2]) * w;
@@ -885,7 +896,7 @@ void GltfReader::Bake(const JsonValue& primitive, const JsonValue& mesh, const J
   this->Warn(skin, "the skin keeps the pose of its nodes without animation", "");
   const JsonValue joints = skin.Get("joints");
   const std::size_t count = joints.Size();
-  const std::vector<Mat4> world = this->Out.WorldMatrices(0);  // animation is not read yet: the pose at rest
+  const std::vector<Mat4> world = this->Out.WorldMatrices(0); // animation is not read yet: the pose at rest
   Mat4 toNode;
   if (count == 0 || !world[std::size_t(index)].Inverse(toNode))
     return;
@@ -895,9 +906,8 @@ void GltfReader::Bake(const JsonValue& primitive, const JsonValue& mesh, const J
   {
     inverse = this->Access.Floats(skin.Get("inverseBindMatrices"), "MAT4");
     if (inverse.Count < count)
-      skin.Get("inverseBindMatrices").Fail(std::to_string(inverse.Count) + " matrices for " + std::to_string(count) +
-          " joints",
-        Reexport);
+      skin.Get("inverseBindMatrices")
+        .Fail(std::to_string(inverse.Count) + " matrices for " + std::to_string(count) + " joints", Reexport);
   }
   for (std::size_t j = 0; j < count; ++j)
   {
@@ -926,9 +936,9 @@ void GltfReader::Bake(const JsonValue& primitive, const JsonValue& mesh, const J
       if (!(w > 0) || !std::isfinite(w))
         continue;
       if (indices[k] >= count)
-        attributes.Get("JOINTS_0").Fail("joint " + std::to_string(indices[k]) + " does not exist (the skin has " +
-            std::to_string(count) + ")",
-          Reexport);
+        attributes.Get("JOINTS_0")
+          .Fail("joint " + std::to_string(indices[k]) + " does not exist (the skin has " + std::to_string(count) + ")",
+            Reexport);
       for (int r = 0; r < 4; ++r)
         for (int c = 0; c < 4; ++c)
           blend.m[r][c] += w * joint[indices[k]].m[r][c];
@@ -957,10 +967,10 @@ bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channe
   const JsonValue sampler = samplers.At(channel.Get("sampler").Index(samplers.Size(), "animation sampler"));
   const std::string path = target.Get("path").String();
   if (!target.Has("node"))
-    return false;  // to be ignored, says the specification
+    return false; // to be ignored, says the specification
   out.Node = int(target.Get("node").Index(this->Out.Nodes.size(), "node"));
   if (path == "weights")
-    return false;  // the mesh warns
+    return false; // the mesh warns
   if (path == "translation")
     out.Path = AnimatedPath::Translation;
   else if (path == "rotation")
@@ -991,7 +1001,7 @@ bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channe
   const std::size_t expected = input.Count * (out.Mode == Interpolation::CubicSpline ? 3 : 1);
   if (output.Count != expected)
     sampler.Get("output").Fail(std::to_string(output.Count) + " values for " + std::to_string(input.Count) +
-        " times where " + std::to_string(expected) + " are expected",
+                                 " times where " + std::to_string(expected) + " are expected",
       Reexport);
   for (std::size_t i = 0; i < input.Count; ++i)
     if (!std::isfinite(input.Values[i]) || (i > 0 && input.Values[i] < input.Values[i - 1]))
@@ -1026,8 +1036,8 @@ void GltfReader::ReadAnimations()
     }
     if (clash)
     {
-      this->Warn(animation, "the animation \"" + animation.StringOr("name", "") +
-          "\" moves what an earlier one moves and is left out",
+      this->Warn(animation,
+        "the animation \"" + animation.StringOr("name", "") + "\" moves what an earlier one moves and is left out",
         "keep one of them in the file");
       continue;
     }

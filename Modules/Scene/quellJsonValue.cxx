@@ -60,7 +60,7 @@ std::uint64_t JsonValue::Unsigned(std::uint64_t maximum) const
     value = this->Json->get<std::uint64_t>();
     ok = value <= maximum;
   }
-  else if (this->Json->is_number_float())  // some exporters write 3.0
+  else if (this->Json->is_number_float()) // some exporters write 3.0
   {
     const double d = this->Json->get<double>();
     ok = d >= 0 && d <= 9007199254740992. && d == std::floor(d) && d <= double(maximum);
@@ -68,8 +68,8 @@ std::uint64_t JsonValue::Unsigned(std::uint64_t maximum) const
   }
   if (!ok)
     this->Fail("expected a whole number" +
-        (maximum < (std::uint64_t(1) << 53) ? " from 0 to " + std::to_string(maximum) : std::string(" >= 0")) + ", found " +
-        (this->Json->is_number() ? this->Json->dump() : std::string(this->Json->type_name())),
+                 (maximum < (std::uint64_t(1) << 53) ? " from 0 to " + std::to_string(maximum) : std::string(" >= 0")) +
+                 ", found " + (this->Json->is_number() ? this->Json->dump() : std::string(this->Json->type_name())),
       Reexport);
   return value;
 }
@@ -78,7 +78,8 @@ std::size_t JsonValue::Index(std::size_t count, const char* what) const
 {
   const std::uint64_t i = this->Unsigned();
   if (i >= count)
-    this->Fail(std::string(what) + " " + std::to_string(i) + " does not exist (the file has " + std::to_string(count) + ")",
+    this->Fail(
+      std::string(what) + " " + std::to_string(i) + " does not exist (the file has " + std::to_string(count) + ")",
       "correct the index or export the file again");
   return std::size_t(i);
 }
@@ -87,7 +88,7 @@ double JsonValue::Number() const
 {
   if (!this->Json->is_number())
     this->Fail("expected a number" + Found(*this->Json), Reexport);
-  return this->Json->get<double>();  // JSON has no NaN, and the parser refuses what overflows
+  return this->Json->get<double>(); // JSON has no NaN, and the parser refuses what overflows
 }
 
 float JsonValue::Float() const

@@ -28,10 +28,10 @@ public:
   const std::string& Where() const { return this->Place; }
   [[noreturn]] void Fail(const std::string& what, const std::string& remedy) const;
 
-  bool Has(const char* key) const;           ///< also checks that this is an object
-  JsonValue Get(const char* key) const;      ///< required member
-  std::size_t Size() const;                  ///< of an array
-  JsonValue At(std::size_t i) const;         ///< element of an array
+  bool Has(const char* key) const;      ///< also checks that this is an object
+  JsonValue Get(const char* key) const; ///< required member
+  std::size_t Size() const;             ///< of an array
+  JsonValue At(std::size_t i) const;    ///< element of an array
   bool IsObject() const { return this->Json->is_object(); }
   bool IsArray() const { return this->Json->is_array(); }
   bool IsString() const { return this->Json->is_string(); }
@@ -39,8 +39,8 @@ public:
   std::uint64_t Unsigned(std::uint64_t maximum = (std::uint64_t(1) << 53)) const;
   /// An index into a list of `count` things called `what` ("accessor").
   std::size_t Index(std::size_t count, const char* what) const;
-  double Number() const;  ///< finite
-  float Float() const;    ///< finite as float
+  double Number() const; ///< finite
+  float Float() const;   ///< finite as float
   bool Bool() const;
   const std::string& String() const;
   std::vector<double> Numbers(std::size_t count) const;

@@ -37,7 +37,7 @@ struct CornerHash
 };
 struct Polygon
 {
-  std::size_t First;  ///< into Corners
+  std::size_t First; ///< into Corners
   int Count;
 };
 /// What one (group, material) pair collects.
@@ -74,7 +74,8 @@ private:
   void UseMaterial(const std::string& name);
   int Resolve(int raw, std::size_t count, const char* what);
   void ConvertMaterial(const tinyobj::material_t& in, Material& out);
-  TextureUse Map(const std::string& name, const tinyobj::texture_option_t& options, bool srgb, const std::string& alpha);
+  TextureUse Map(
+    const std::string& name, const tinyobj::texture_option_t& options, bool srgb, const std::string& alpha);
   int LoadTexture(const std::string& name, bool srgb, bool clamp, const std::string& alpha, bool& binary);
   void BuildMesh(const Part& part);
   void Triangulate(const Part& part, const Polygon& polygon, std::vector<int>& triangles);
@@ -138,7 +139,8 @@ void ObjReader::UseMaterial(const std::string& name)
   const auto it = this->MaterialIndex.find(trimmed);
   this->Material_ = it == this->MaterialIndex.end() ? -1 : it->second;
   if (this->Material_ < 0)
-    Warn(this->Out, "usemtl " + trimmed, "the material is not defined; its surfaces become grey", "define it in the material library");
+    Warn(this->Out, "usemtl " + trimmed, "the material is not defined; its surfaces become grey",
+      "define it in the material library");
 }
 
 /// OBJ counts from 1; negative numbers count back from the last element so far. 0 means absent for vt and vn.
@@ -146,8 +148,8 @@ int ObjReader::Resolve(int raw, std::size_t count, const char* what)
 {
   const std::int64_t i = raw > 0 ? std::int64_t(raw) - 1 : std::int64_t(count) + raw;
   if (raw == 0 || i < 0)
-    Fail(this->Out.File, this->Face(), std::string(what) + " index " + std::to_string(raw) + " does not exist (" +
-        std::to_string(count) + " so far)",
+    Fail(this->Out.File, this->Face(),
+      std::string(what) + " index " + std::to_string(raw) + " does not exist (" + std::to_string(count) + " so far)",
       "correct the index or export the file again");
   return int(i);
 }
@@ -175,11 +177,13 @@ void ObjReader::AddFace(const tinyobj::index_t* raw, int count)
   {
     Corner c;
     c.V = this->Resolve(raw[k].vertex_index, this->Positions.size(), "vertex");
-    c.T = raw[k].texcoord_index == 0 ? -1 : this->Resolve(raw[k].texcoord_index, this->TexCoords.size(), "texture coordinate");
+    c.T = raw[k].texcoord_index == 0
+            ? -1
+            : this->Resolve(raw[k].texcoord_index, this->TexCoords.size(), "texture coordinate");
     c.N = raw[k].normal_index == 0 ? -1 : this->Resolve(raw[k].normal_index, this->Normals.size(), "normal");
     part.Corners.push_back(c);
     const int all[3] = { c.V, c.T, c.N };
-    for (int j = 0; j < 3; ++j)  // lists may go on after the face: checked at the end
+    for (int j = 0; j < 3; ++j) // lists may go on after the face: checked at the end
       if (all[j] > this->MaximumIndex[j])
       {
         this->MaximumIndex[j] = all[j];
@@ -194,7 +198,8 @@ void ObjReader::Triangulate(const Part& part, const Polygon& polygon, std::vecto
   const int n = polygon.Count;
   const Corner* corners = part.Corners.data() + polygon.First;
   triangles.clear();
-  const auto fan = [&] {
+  const auto fan = [&]
+  {
     triangles.clear();
     for (int i = 1; i + 1 < n; ++i)
       triangles.insert(triangles.end(), { 0, i, i + 1 });
@@ -209,9 +214,8 @@ void ObjReader::Triangulate(const Part& part, const Polygon& polygon, std::vecto
   for (int i = 0; i < n; ++i)
     area += Cross(p[std::size_t(i)] - origin, p[std::size_t((i + 1) % n)] - origin);
   area = Normalized(area);
-  const auto turn = [&](int a, int b, int c) {
-    return Dot(area, Cross(p[std::size_t(b)] - p[std::size_t(a)], p[std::size_t(c)] - p[std::size_t(a)]));
-  };
+  const auto turn = [&](int a, int b, int c)
+  { return Dot(area, Cross(p[std::size_t(b)] - p[std::size_t(a)], p[std::size_t(c)] - p[std::size_t(a)])); };
   bool convex = true;
   for (int i = 0; i < n && convex; ++i)
     convex = turn(i, (i + 1) % n, (i + 2) % n) >= 0;
@@ -240,15 +244,14 @@ void ObjReader::Triangulate(const Part& part, const Polygon& polygon, std::vecto
         ear = i;
     }
     if (ear == m)
-      ear = 0;  // self-intersecting: anything will do
+      ear = 0; // self-intersecting: anything will do
     triangles.insert(triangles.end(), { left[(ear + m - 1) % m], left[ear], left[(ear + 1) % m] });
     left.erase(left.begin() + std::ptrdiff_t(ear));
   }
   triangles.insert(triangles.end(), { left[0], left[1], left[2] });
 }
 
-int ObjReader::LoadTexture(
-  const std::string& name, bool srgb, bool clamp, const std::string& alphaName, bool& binary)
+int ObjReader::LoadTexture(const std::string& name, bool srgb, bool clamp, const std::string& alphaName, bool& binary)
 {
   const auto key = std::make_tuple(name, alphaName, srgb, clamp);
   const auto found = this->Textures.find(key);
@@ -258,12 +261,14 @@ int ObjReader::LoadTexture(
     return found->second.first;
   }
   binary = false;
-  const auto load = [this](const std::string& file, Texture& texture) {
+  const auto load = [this](const std::string& file, Texture& texture)
+  {
     std::string path = Beside(this->Out.File, file), reason;
     std::replace(path.begin(), path.end(), '\\', '/');
     if (!LoadImage(path, texture, reason))
     {
-      Warn(this->Out, "map", "image \"" + path + "\" cannot be used (" + reason + "); it is replaced by a neutral value",
+      Warn(this->Out, "map",
+        "image \"" + path + "\" cannot be used (" + reason + "); it is replaced by a neutral value",
         "put the image there or correct the name");
       return false;
     }
@@ -289,7 +294,8 @@ int ObjReader::LoadTexture(
     for (int y = 0; y < texture.Height; ++y)
       for (int x = 0; x < texture.Width; ++x)
       {
-        const float a = alpha.Sample((float(x) + 0.5f) / float(texture.Width), (float(y) + 0.5f) / float(texture.Height)).x;
+        const float a =
+          alpha.Sample((float(x) + 0.5f) / float(texture.Width), (float(y) + 0.5f) / float(texture.Height)).x;
         const std::size_t at = (std::size_t(y) * std::size_t(texture.Width) + std::size_t(x)) * 4 + 3;
         if (texture.Floats.empty())
           texture.Bytes[at] = std::uint8_t(std::lround(std::min(std::max(a, 0.f), 1.f) * 255.f));
@@ -329,7 +335,7 @@ Color Clamped(const tinyobj::real_t* c, float high)
 {
   Color out;
   for (int i = 0; i < 3; ++i)
-    out[i] = c[i] >= 0 ? std::min(float(c[i]), high) : 0.f;  // NaN becomes 0
+    out[i] = c[i] >= 0 ? std::min(float(c[i]), high) : 0.f; // NaN becomes 0
   return out;
 }
 
@@ -343,13 +349,13 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
   const bool raytraced = in.illum == 3 || (in.illum >= 4 && in.illum <= 7);
   const bool glass = in.illum == 4 || in.illum == 6 || in.illum == 7 || in.illum == 9;
   out.Name = in.name;
-  out.DoubleSided = true;  // OBJ promises nothing about winding
+  out.DoubleSided = true; // OBJ promises nothing about winding
   out.Metallic = 0;
   out.BaseColor = kd;
   out.Alpha = d;
   if (d < 1)
     out.Mode = AlphaMode::Blend;
-  const float polish = std::sqrt(std::sqrt(2.f / (ns + 2.f)));  // sqrt(alpha), alpha^2 = 2 / (Ns + 2)
+  const float polish = std::sqrt(std::sqrt(2.f / (ns + 2.f))); // sqrt(alpha), alpha^2 = 2 / (Ns + 2)
   out.Roughness = raytraced && ns >= 200 ? 0.f : polish;
   out.Ior = ni > 0 ? ni : 1.5f;
   const float f0 = (out.Ior - 1) * (out.Ior - 1) / ((out.Ior + 1) * (out.Ior + 1));
@@ -375,7 +381,7 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
     out.BaseColor = ks;
   }
   else
-    out.SpecularColor = ks * (1.f / f0);  // reflectance Ks at normal incidence, whatever Ni is
+    out.SpecularColor = ks * (1.f / f0); // reflectance Ks at normal incidence, whatever Ni is
   out.Emission = Clamped(in.emission, std::numeric_limits<float>::max());
   if (in.roughness > 0)
     out.Roughness = std::min(float(in.roughness), 1.f);
@@ -400,7 +406,8 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
     out.NormalTexture = this->Map(in.normal_texname, in.normal_texopt, false, "");
   for (const std::string* map : { &in.specular_texname, &in.specular_highlight_texname, &in.bump_texname })
     if (!map->empty())
-      Warn(this->Out, "material " + in.name, "map \"" + *map + "\" is not supported and ignored (read: map_Kd, map_d, map_Ke, norm)", "");
+      Warn(this->Out, "material " + in.name,
+        "map \"" + *map + "\" is not supported and ignored (read: map_Kd, map_d, map_Ke, norm)", "");
 }
 
 void ObjReader::BuildMesh(const Part& part)
@@ -410,7 +417,8 @@ void ObjReader::BuildMesh(const Part& part)
   mesh.Name = group;
   mesh.Material = part.Material >= 0 ? part.Material : int(this->Out.Materials.size()) - 1;
   const bool normals = std::all_of(part.Corners.begin(), part.Corners.end(), [](const Corner& c) { return c.N >= 0; });
-  const bool coordinates = std::any_of(part.Corners.begin(), part.Corners.end(), [](const Corner& c) { return c.T >= 0; });
+  const bool coordinates =
+    std::any_of(part.Corners.begin(), part.Corners.end(), [](const Corner& c) { return c.T >= 0; });
   std::unordered_map<Corner, std::uint32_t, CornerHash> known;
   known.reserve(part.Corners.size());
   std::vector<int> triangles;
@@ -454,11 +462,11 @@ void ObjReader::Read(const Bytes& content)
   callbacks.texcoord_cb = [](void* data, tinyobj::real_t u, tinyobj::real_t v, tinyobj::real_t) {
     static_cast<ObjReader*>(data)->TexCoords.push_back({ float(u), 1.f - float(v) });
   };
-  callbacks.index_cb = [](void* data, tinyobj::index_t* raw, int count) {
-    static_cast<ObjReader*>(data)->AddFace(raw, count);
-  };
+  callbacks.index_cb = [](void* data, tinyobj::index_t* raw, int count)
+  { static_cast<ObjReader*>(data)->AddFace(raw, count); };
   callbacks.usemtl_cb = [](void* data, const char* name, int) { static_cast<ObjReader*>(data)->UseMaterial(name); };
-  callbacks.group_cb = [](void* data, const char** names, int count) {
+  callbacks.group_cb = [](void* data, const char** names, int count)
+  {
     std::string name;
     for (int i = 0; i < count; ++i)
       name += (i > 0 ? " " : "") + std::string(names[i]);
@@ -473,8 +481,9 @@ void ObjReader::Read(const Bytes& content)
   static const char* const names[3] = { "vertex", "texture coordinate", "normal" };
   for (int j = 0; j < 3; ++j)
     if (this->MaximumIndex[j] >= 0 && std::size_t(this->MaximumIndex[j]) >= sizes[j])
-      Fail(this->Out.File, "face " + std::to_string(this->MaximumFace[j]), std::string(names[j]) + " index " +
-          std::to_string(this->MaximumIndex[j] + 1) + " does not exist (the file has " + std::to_string(sizes[j]) + ")",
+      Fail(this->Out.File, "face " + std::to_string(this->MaximumFace[j]),
+        std::string(names[j]) + " index " + std::to_string(this->MaximumIndex[j] + 1) +
+          " does not exist (the file has " + std::to_string(sizes[j]) + ")",
         "correct the index or export the file again");
 
   this->Out.Nodes.resize(this->Groups.size());

@@ -105,7 +105,7 @@ void AddStudioSky(Scene& scene)
   image.WrapT = Wrap::Clamp;
   std::vector<double> values(std::size_t(image.Width) * image.Height);
   const Vec3d key = Normalized(Vec3d(0.6, 0.8, 0.7));
-  double irradiance = 0;  // on a plane that faces up
+  double irradiance = 0; // on a plane that faces up
   for (int y = 0; y < image.Height; ++y)
   {
     const double theta = pi * (y + 0.5) / image.Height, up = std::cos(theta);

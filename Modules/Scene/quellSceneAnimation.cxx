@@ -52,10 +52,10 @@ void Evaluate(const AnimationChannel& channel, double time, double* out)
   const bool cubic = channel.Mode == Interpolation::CubicSpline;
   const std::size_t stride = std::size_t(cubic ? 3 * n : n);
   const std::vector<float>& times = channel.Times;
-  const auto value = [&](std::size_t key, int part) {
-    return channel.Values.data() + key * stride + std::size_t(cubic ? part * n : 0);
-  };
-  const auto copy = [&](std::size_t key) {
+  const auto value = [&](std::size_t key, int part)
+  { return channel.Values.data() + key * stride + std::size_t(cubic ? part * n : 0); };
+  const auto copy = [&](std::size_t key)
+  {
     for (int i = 0; i < n; ++i)
       out[i] = value(key, 1)[i];
   };
@@ -67,9 +67,9 @@ void Evaluate(const AnimationChannel& channel, double time, double* out)
   {
     // Compared in double: t lies in [times[k], times[k + 1]), so that the interval is never empty.
     const std::size_t k = std::size_t(std::upper_bound(times.begin(), times.end(), time,
-                            [](double t, float key) { return t < double(key); }) -
-                            times.begin()) -
-      1;
+                                        [](double t, float key) { return t < double(key); }) -
+                                      times.begin()) -
+                          1;
     const double span = double(times[k + 1]) - double(times[k]);
     const double t = (time - double(times[k])) / span;
     if (channel.Mode == Interpolation::Step)
@@ -93,7 +93,7 @@ void Evaluate(const AnimationChannel& channel, double time, double* out)
       const double t2 = t * t, t3 = t2 * t;
       for (int i = 0; i < n; ++i)
         out[i] = (2 * t3 - 3 * t2 + 1) * value(k, 1)[i] + span * (t3 - 2 * t2 + t) * value(k, 2)[i] +
-          (3 * t2 - 2 * t3) * value(k + 1, 1)[i] + span * (t3 - t2) * value(k + 1, 0)[i];
+                 (3 * t2 - 2 * t3) * value(k + 1, 1)[i] + span * (t3 - t2) * value(k + 1, 0)[i];
     }
   }
   if (n == 4)
@@ -145,7 +145,7 @@ std::vector<Mat4> Scene::WorldMatrices(double time) const
     }
   }
   std::vector<Mat4> world(count);
-  std::vector<int> queue;  // parents before children, without recursion: depth is the file's choice
+  std::vector<int> queue; // parents before children, without recursion: depth is the file's choice
   queue.reserve(count);
   for (std::size_t i = 0; i < count; ++i)
     if ((*nodes)[i].Parent < 0)

@@ -88,13 +88,16 @@ bool IsRemoteUri(const std::string& uri)
 {
   const std::size_t colon = uri.find("://");
   return colon != std::string::npos && colon > 0 &&
-    std::all_of(uri.begin(), uri.begin() + std::ptrdiff_t(colon),
-      [](unsigned char c) { return std::isalnum(c) || c == '+' || c == '-' || c == '.'; });
+         std::all_of(uri.begin(), uri.begin() + std::ptrdiff_t(colon),
+           [](unsigned char c) { return std::isalnum(c) || c == '+' || c == '-' || c == '.'; });
 }
 
 static int HexDigit(char c)
 {
-  return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+  return c >= '0' && c <= '9'   ? c - '0'
+         : c >= 'a' && c <= 'f' ? c - 'a' + 10
+         : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                : -1;
 }
 
 std::string DecodePercent(const std::string& text)
@@ -124,12 +127,12 @@ static bool DecodeBase64(const char* text, std::size_t size, Bytes& content, std
   for (; i < size && text[i] != '='; ++i)
   {
     const char c = text[i];
-    const int v = c >= 'A' && c <= 'Z' ? c - 'A'
-      : c >= 'a' && c <= 'z'           ? c - 'a' + 26
-      : c >= '0' && c <= '9'           ? c - '0' + 52
-      : c == '+' || c == '-'           ? 62
-      : c == '/' || c == '_'           ? 63
-                                       : -1;
+    const int v = c >= 'A' && c <= 'Z'   ? c - 'A'
+                  : c >= 'a' && c <= 'z' ? c - 'a' + 26
+                  : c >= '0' && c <= '9' ? c - '0' + 52
+                  : c == '+' || c == '-' ? 62
+                  : c == '/' || c == '_' ? 63
+                                         : -1;
     if (v < 0)
       return reason = "invalid base64 character at offset " + std::to_string(i), false;
     bits = (bits << 6) | std::uint32_t(v);
@@ -213,7 +216,7 @@ static bool ReadOpened(OIIO::ImageInput& input, Texture& texture, std::string& r
 static OIIO::ImageSpec OpenConfiguration()
 {
   OIIO::ImageSpec config;
-  config.attribute("oiio:UnassociatedAlpha", 1);  // glTF and MTL colours are not multiplied by alpha
+  config.attribute("oiio:UnassociatedAlpha", 1); // glTF and MTL colours are not multiplied by alpha
   return config;
 }
 
@@ -227,8 +230,7 @@ bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
     return reason = "this is neither PNG nor JPEG, the two formats that glTF allows", false;
   try
   {
-    OIIO::Filesystem::IOMemReader memory(
-      const_cast<void*>(static_cast<const void*>(content.data())), content.size());
+    OIIO::Filesystem::IOMemReader memory(const_cast<void*>(static_cast<const void*>(content.data())), content.size());
     const OIIO::ImageSpec config = OpenConfiguration();
     auto input = OIIO::ImageInput::create(isPng ? "png" : "jpeg");
     if (!input || !input->set_ioproxy(&memory))
@@ -275,7 +277,7 @@ bool LoadSky(const std::string& file, Texture& texture, std::size_t& repaired, s
       ++repaired;
     }
   texture.Name = file;
-  texture.SRGB = texture.Floats.empty();  // an 8-bit panorama is a picture for displays
+  texture.SRGB = texture.Floats.empty(); // an 8-bit panorama is a picture for displays
   texture.WrapS = Wrap::Repeat;
   texture.WrapT = Wrap::Clamp;
   return true;
@@ -308,7 +310,7 @@ static void FillNormals(Mesh& mesh, std::size_t& replaced)
     if (bad[i])
     {
       const Vec3d n = Normalized(sums[i]);
-      mesh.Normals[i] = Dot(n, n) > 0 ? Vec3f(n) : Vec3f(0, 1, 0);  // only degenerate triangles use the latter
+      mesh.Normals[i] = Dot(n, n) > 0 ? Vec3f(n) : Vec3f(0, 1, 0); // only degenerate triangles use the latter
     }
 }
 
@@ -338,8 +340,8 @@ void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where)
       ++dropped;
   }
   mesh.Indices.resize(write);
-  const bool stray = std::any_of(
-    mesh.Positions.begin(), mesh.Positions.end(), [](const Vec3f& p) { return !IsFinite(p); });
+  const bool stray =
+    std::any_of(mesh.Positions.begin(), mesh.Positions.end(), [](const Vec3f& p) { return !IsFinite(p); });
   if (stray)
   {
     constexpr std::uint32_t unused = 0xffffffffu;
@@ -367,7 +369,8 @@ void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where)
   std::size_t replaced = 0;
   FillNormals(mesh, replaced);
   if (replaced > 0)
-    Warn(scene, who, std::to_string(replaced) + " normal(s) of no length or not finite were replaced by those of the faces",
+    Warn(scene, who,
+      std::to_string(replaced) + " normal(s) of no length or not finite were replaced by those of the faces",
       "re-export the mesh with normals");
   std::size_t colors = 0;
   for (Vec4f& c : mesh.Colors)

@@ -16,7 +16,8 @@ float LinearFromSRGB(float v) noexcept
 
 const std::array<float, 256>& SRGBTable()
 {
-  static const std::array<float, 256> table = [] {
+  static const std::array<float, 256> table = []
+  {
     std::array<float, 256> t{};
     for (int i = 0; i < 256; ++i)
       t[std::size_t(i)] = LinearFromSRGB(float(i) / 255.f);

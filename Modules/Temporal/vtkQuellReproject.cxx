@@ -42,27 +42,37 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
   d.Category = "Temporal";
   d.Brief = "Brings the previous frame's colour, moments and history length to where its points are seen now.";
   d.Details =
-    "History is read at q = x + motion. Each of the four bilinear taps must lie inside the frame, be surface or background like "
+    "History is read at q = x + motion. Each of the four bilinear taps must lie inside the frame, be surface or "
+    "background like "
     "the pixel, have its id, a depth with |z_expected - z| <= DepthTolerance (slope + DepthEpsilon z), a normal with "
-    "n . n' > NormalThreshold and finite values; the others' weights are renormalised when they sum to MinimumWeight or more, "
-    "otherwise the valid pixels of the 3 x 3 are averaged, otherwise there is no history. z_expected is the point's depth in "
-    "the previous camera. Where motion differs from the camera's by more than MotionTolerance pixels, the point moved and its "
-    "previous depth is not known: the tolerance grows by MovingDepthTolerance z when ids are connected, otherwise by the "
+    "n . n' > NormalThreshold and finite values; the others' weights are renormalised when they sum to MinimumWeight "
+    "or more, "
+    "otherwise the valid pixels of the 3 x 3 are averaged, otherwise there is no history. z_expected is the point's "
+    "depth in "
+    "the previous camera. Where motion differs from the camera's by more than MotionTolerance pixels, the point moved "
+    "and its "
+    "previous depth is not known: the tolerance grows by MovingDepthTolerance z when ids are connected, otherwise by "
+    "the "
     "distance that the extra motion stands for.\n\n"
     "A mix of (mean, M2) with weights w adds the spread of the means: M2 = sum w (M2_i + (mean_i - mean)^2).\n\n"
-    "Without `motion` the matrices of both frames give it (the camera's only). The delayed inputs cover the whole frame.\n\n"
-    "mask: 0 all taps, 1 some taps, 2 from the 3 x 3; no history: 3 no previous frame, 4 off screen, 5 not projectable, "
+    "Without `motion` the matrices of both frames give it (the camera's only). The delayed inputs cover the whole "
+    "frame.\n\n"
+    "mask: 0 all taps, 1 some taps, 2 from the 3 x 3; no history: 3 no previous frame, 4 off screen, 5 not "
+    "projectable, "
     "6 surface against background, 7 id, 8 depth, 9 normal, 10 history not finite or empty.\n\n"
     "Border: taps outside are rejected. Non-finite history is rejected; a non-finite depth is background; a non-finite "
     "motion is off screen. Source: Schied et al. 2017, section 4.";
   d.Input("depth", ArrayKind::Depth, "depth", "this frame's depth");
   d.Input("normal", ArrayKind::Normal, "normal", "this frame's normals");
   d.OptionalInput("id", ArrayKind::Id, "id", "this frame's object ids");
-  d.OptionalInput("motion", ArrayKind::Motion, "motion", "where each point was: previous - current, pixels, un-jittered");
-  d.OptionalInput("position", ArrayKind::Position, "position", "world positions; used only without motion, instead of depth");
+  d.OptionalInput(
+    "motion", ArrayKind::Motion, "motion", "where each point was: previous - current, pixels, un-jittered");
+  d.OptionalInput(
+    "position", ArrayKind::Position, "position", "world positions; used only without motion, instead of depth");
   d.Input("history", ArrayKind::Color, "radiance", "delayed: the previous frame's accumulated colour");
   d.OptionalInput("moments", ArrayKind::Moments, "moments", "delayed: its moments");
-  d.OptionalInput("length", ArrayKind::History, "history", "delayed: its history length; without it, 1 where there is history");
+  d.OptionalInput(
+    "length", ArrayKind::History, "history", "delayed: its history length; without it, 1 where there is history");
   d.Input("previousDepth", ArrayKind::Depth, "depth", "delayed: the previous frame's depth");
   d.Input("previousNormal", ArrayKind::Normal, "normal", "delayed: its normals");
   d.OptionalInput("previousId", ArrayKind::Id, "id", "delayed: its ids");
@@ -122,8 +132,8 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
       { in.history, in.moments, in.length, in.previousDepth, in.previousNormal, in.previousId })
       if (view && view.extent != in.frame)
       {
-        this->Warnings.push_back("history of another size is not used: it is " + SizeText(view.extent) +
-          ", the frame " + SizeText(in.frame));
+        this->Warnings.push_back(
+          "history of another size is not used: it is " + SizeText(view.extent) + ", the frame " + SizeText(in.frame));
         in.history = quell::ImageIn();
         break;
       }
@@ -144,8 +154,8 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
     {
       in.stillCamera = !now.HasCamera && !then.HasCamera;
       this->Warnings.push_back(in.stillCamera
-          ? "neither motion nor camera matrices: the camera is taken to stand still"
-          : "no motion, and only one of the two frames has a camera matrix: no history");
+                                 ? "neither motion nor camera matrices: the camera is taken to stand still"
+                                 : "no motion, and only one of the two frames has a camera matrix: no history");
     }
   }
 
@@ -159,6 +169,5 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
   parameters.catmullRom = this->Interpolation == CatmullRom;
   const quell::ReprojectOutputs out{ frame.Output("radiance"), frame.Output("moments"), frame.Output("history"),
     frame.Output("mask") };
-  this->ForEachTile(
-    frame.Region(), 64, [&](const quell::Rect& tile) { quell::Reproject(in, parameters, out, tile); });
+  this->ForEachTile(frame.Region(), 64, [&](const quell::Rect& tile) { quell::Reproject(in, parameters, out, tile); });
 }

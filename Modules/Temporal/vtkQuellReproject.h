@@ -4,19 +4,19 @@
  * @brief   brings the previous frame's history to where its points are seen now
  *
  * For each pixel x, colour, moments and history length of the previous frame are fetched at q = x + motion with a
- * bilinear filter whose four taps are tested one by one (inside the frame, surface or background alike, id, depth, normal,
- * finite); see quellReproject.h for the tests, the expected depth of moving points and the rule for moments.
+ * bilinear filter whose four taps are tested one by one (inside the frame, surface or background alike, id, depth,
+ * normal, finite); see quellReproject.h for the tests, the expected depth of moving points and the rule for moments.
  *
  * Motion is the `motion` input's; without it, it follows from the camera matrices of the two frames (field data of
  * `depth` and of `previousDepth`) and the depth or, more precisely, `position`. That knows the camera only: what moves
  * by itself then has no valid history. Without motion and without matrices the camera is taken to stand still.
  *
  * Outputs: radiance (linear), moments (mean, central second moment), history (frames; 0: disoccluded), mask (below).
- * Inputs history, moments, length, previousDepth, previousNormal and previousId are delayed ones (SetHistory); they cover
- * the whole frame. On the first frame, or after a change of size, everything is 0 and mask is 3.
+ * Inputs history, moments, length, previousDepth, previousNormal and previousId are delayed ones (SetHistory); they
+ * cover the whole frame. On the first frame, or after a change of size, everything is 0 and mask is 3.
  *
- * mask: 0 every tap valid; 1 some taps rejected; 2 from the 3 x 3 neighbourhood; and without history: 3 no previous frame;
- * 4 outside of it; 5 not projectable; 6 surface against background; 7 other id; 8 other depth; 9 other normal;
+ * mask: 0 every tap valid; 1 some taps rejected; 2 from the 3 x 3 neighbourhood; and without history: 3 no previous
+ * frame; 4 outside of it; 5 not projectable; 6 surface against background; 7 other id; 8 other depth; 9 other normal;
  * 10 history not finite or empty.
  *
  * Border: taps outside of the frame are rejected. Non-finite: such history is rejected; non-finite depth is background.
@@ -62,7 +62,8 @@ public:
   vtkSetClampMacro(MinimumWeight, double, 0., 1.);
   vtkGetMacro(MinimumWeight, double);
   ///@}
-  ///@{ How colour is fetched where all taps are valid; CatmullRom keeps detail, Bilinear smooths noise. Default Bilinear.
+  ///@{ How colour is fetched where all taps are valid; CatmullRom keeps detail, Bilinear smooths noise. Default
+  ///Bilinear.
   vtkSetClampMacro(Interpolation, int, Bilinear, CatmullRom);
   vtkGetMacro(Interpolation, int);
   ///@}

@@ -23,10 +23,13 @@ void vtkQuellTemporalAccumulate::Describe(quell::StageDescription& d)
   d.Brief = "Mixes the new frame into its reprojected history.";
   d.Details =
     "h = min(h' + 1, MaximumHistory); a = max(Alpha, 1/h); C = C' + a (x - C'). Moments of luminance, with "
-    "a = max(MomentsAlpha, 1/h) and d = lum(x) - mean': mean = mean' + a d, M2 = (1 - a)(M2' + a d^2). Where the history length "
+    "a = max(MomentsAlpha, 1/h) and d = lum(x) - mean': mean = mean' + a d, M2 = (1 - a)(M2' + a d^2). Where the "
+    "history length "
     "is 0 the new frame is taken as it is.\n\n"
-    "A stationary picture keeps Alpha / (2 - Alpha) of its noise variance: 0.2 leaves 1/9, 0.05 leaves 1/39. The price is lag "
-    "where light changes, since only geometry is validated: after a step, 1 % is left after 21 frames with 0.2, 90 with 0.05.\n\n"
+    "A stationary picture keeps Alpha / (2 - Alpha) of its noise variance: 0.2 leaves 1/9, 0.05 leaves 1/39. The price "
+    "is lag "
+    "where light changes, since only geometry is validated: after a step, 1 % is left after 21 frames with 0.2, 90 "
+    "with 0.05.\n\n"
     "A non-finite pixel of the new frame keeps its history; without history it gets the mean of its finite 3 x 3 "
     "neighbours (0 without any) and length 0. It is counted. Nothing non-finite is stored.";
   d.Input("radiance", ArrayKind::Color, "radiance", "the new frame");

@@ -8,8 +8,8 @@
  * quellAccumulate.h.
  *
  * Inputs radiance (linear) and the three outputs of Reproject. Outputs radiance, moments, history (frames).
- * Border: nothing but the pixel is read, except to fill. Non-finite: such a pixel of the new frame keeps its history, or
- * gets the mean of its finite neighbours and history 0; it is counted.
+ * Border: nothing but the pixel is read, except to fill. Non-finite: such a pixel of the new frame keeps its history,
+ * or gets the mean of its finite neighbours and history 0; it is counted.
  */
 #ifndef vtkQuellTemporalAccumulate_h
 #define vtkQuellTemporalAccumulate_h
@@ -36,8 +36,9 @@ public:
   vtkGetMacro(MaximumHistory, int);
   ///@}
 
-  /// 1 - the smallest weight of a new frame, max(Alpha, 1 / MaximumHistory) for colour and alike for moments. The start, where
-  /// the new frame weighs 1 / h, forgets no slower: after k frames the two averages differ in a weight of (1 - a)^k.
+  /// 1 - the smallest weight of a new frame, max(Alpha, 1 / MaximumHistory) for colour and alike for moments. The
+  /// start, where the new frame weighs 1 / h, forgets no slower: after k frames the two averages differ in a weight of
+  /// (1 - a)^k.
   double HistoryWeight(int port) const override;
 
 protected:

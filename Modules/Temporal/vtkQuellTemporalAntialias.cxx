@@ -31,16 +31,21 @@ void vtkQuellTemporalAntialias::Describe(quell::StageDescription& d)
   using quell::ArrayKind;
   d.Category = "Temporal";
   d.Brief = "Blends each frame with its own previous output, clipped to the neighbourhood of the new frame.";
-  d.Details =
-    "out = h + Alpha (c - h), computed on (c w, w) with w = 1 / (1 + max c), so that small very bright spots do not flicker and "
-    "the way back is exact; linear radiance in and out. h is the previous output at x + motion by a Catmull-Rom filter clamped "
-    "to the central 2 x 2; motion is that of the 3 x 3 pixel nearest to the camera (when depth is connected). h is moved towards "
-    "the mean of the new frame's 3 x 3 until it is within Gamma standard deviations in Y, Co and Cg.\n\n"
-    "On the first frame and off screen the input is returned bit for bit. The delayed history covers the whole frame.\n\n"
-    "Border: neighbours outside are left out, history repeats its edge. Non-finite pixels are replaced by history, else by "
-    "the mean of finite neighbours, else by 0, and counted. Sources: Karis 2014, Salvi 2016.";
+  d.Details = "out = h + Alpha (c - h), computed on (c w, w) with w = 1 / (1 + max c), so that small very bright spots "
+              "do not flicker and "
+              "the way back is exact; linear radiance in and out. h is the previous output at x + motion by a "
+              "Catmull-Rom filter clamped "
+              "to the central 2 x 2; motion is that of the 3 x 3 pixel nearest to the camera (when depth is "
+              "connected). h is moved towards "
+              "the mean of the new frame's 3 x 3 until it is within Gamma standard deviations in Y, Co and Cg.\n\n"
+              "On the first frame and off screen the input is returned bit for bit. The delayed history covers the "
+              "whole frame.\n\n"
+              "Border: neighbours outside are left out, history repeats its edge. Non-finite pixels are replaced by "
+              "history, else by "
+              "the mean of finite neighbours, else by 0, and counted. Sources: Karis 2014, Salvi 2016.";
   d.Input("radiance", ArrayKind::Color, "radiance", "the new frame, filtered");
-  d.OptionalInput("motion", ArrayKind::Motion, "motion", "previous - current, pixels, un-jittered; without it nothing moves");
+  d.OptionalInput(
+    "motion", ArrayKind::Motion, "motion", "previous - current, pixels, un-jittered; without it nothing moves");
   d.OptionalInput("depth", ArrayKind::Depth, "depth", "picks the nearest surface's motion in the 3 x 3");
   d.Input("history", ArrayKind::Color, "radiance", "delayed: this stage's own radiance of the previous frame");
   d.Inputs[History].Delayed = true;
@@ -63,7 +68,9 @@ double vtkQuellTemporalAntialias::HistoryWeight(int port) const
 
 std::vector<std::string> vtkQuellTemporalAntialias::Explain()
 {
-  std::vector<std::string> lines{ "history is read at x + motion: its own previous output is made for the whole frame" };
+  std::vector<std::string> lines{
+    "history is read at x + motion: its own previous output is made for the whole frame"
+  };
   if (this->GetNumberOfInputConnections(Motion) == 0)
     lines.push_back("no motion input: history is read in place");
   return lines;

@@ -3,9 +3,9 @@
  * @class   vtkQuellTemporalAntialias
  * @brief   temporal anti-aliasing: blends each frame with its own previous output, clipped to the neighbourhood
  *
- * out = h + Alpha (c - h), all in c / (1 + max c): h is the previous output at x + motion (motion of the 3 x 3 pixel nearest
- * to the camera), by a Catmull-Rom filter, clipped towards the mean of the new frame's 3 x 3 within Gamma standard
- * deviations in YCoCg. Linear radiance in and out; see quellTemporalAntialias.h.
+ * out = h + Alpha (c - h), all in c / (1 + max c): h is the previous output at x + motion (motion of the 3 x 3 pixel
+ * nearest to the camera), by a Catmull-Rom filter, clipped towards the mean of the new frame's 3 x 3 within Gamma
+ * standard deviations in YCoCg. Linear radiance in and out; see quellTemporalAntialias.h.
  *
  * `history` is a delayed input: this stage's own radiance of the previous frame. On the first frame, after a change of
  * size and where x + motion is off screen the input is returned bit for bit.
@@ -27,7 +27,8 @@ public:
   vtkSetClampMacro(Alpha, double, 0., 1.);
   vtkGetMacro(Alpha, double);
   ///@}
-  ///@{ Half width, in standard deviations, of the range that history may keep; default 1, larger ghosts more and flickers less.
+  ///@{ Half width, in standard deviations, of the range that history may keep; default 1, larger ghosts more and
+  ///flickers less.
   vtkSetClampMacro(Gamma, double, 0., 1e6);
   vtkGetMacro(Gamma, double);
   ///@}

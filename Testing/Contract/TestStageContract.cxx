@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What every stage owes, checked for each type in the registry: a complete table, honest properties, odd sizes, non-finite
-// pixels, crops and thread counts. A new stage is tested here by being registered.
+// What every stage owes, checked for each type in the registry: a complete table, honest properties, odd sizes,
+// non-finite pixels, crops and thread counts. A new stage is tested here by being registered.
 #include "quellRegisterColor.h"
 #include "quellRegisterDenoising.h"
 #include "quellRegisterImageIO.h"
@@ -33,11 +33,11 @@ enum class Content
 {
   Plain,
   Zero,
-  NotANumber,   ///< one NaN pixel in every colour
-  Infinite,     ///< one +inf pixel in every colour
-  Huge,         ///< 1e30 everywhere
-  Peak,         ///< 2 x 2 pixels of 3e38 among small ones
-  Denormal      ///< 1e-42 everywhere
+  NotANumber, ///< one NaN pixel in every colour
+  Infinite,   ///< one +inf pixel in every colour
+  Huge,       ///< 1e30 everywhere
+  Peak,       ///< 2 x 2 pixels of 3e38 among small ones
+  Denormal    ///< 1e-42 everywhere
 };
 
 float Noise(std::uint32_t x, std::uint32_t y, std::uint32_t c)
@@ -108,17 +108,28 @@ private:
             return std::numeric_limits<float>::infinity();
         }
         return 4 * Noise(x, y, c) * Noise(x, y, c + 7);
-      case quell::ArrayKind::Albedo: return second && c == 1 ? 0.f : 0.2f + 0.6f * Noise(x / 4, y / 4, c);
-      case quell::ArrayKind::Normal: return c == 2 ? (second ? 0.8f : 1.f) : c == 0 && second ? 0.6f : 0.f;
-      case quell::ArrayKind::Position: return c == 0 ? 0.1f * x : c == 1 ? 0.1f * y : second ? -1.f : 0.f;
-      case quell::ArrayKind::Depth: return (second ? 5.f : 3.f) + 0.01f * x;
-      case quell::ArrayKind::Motion: return c == 0 ? 0.3f : -0.2f;
-      case quell::ArrayKind::Id: return second ? 2.f : 1.f;
-      case quell::ArrayKind::Variance: return 0.1f;
-      case quell::ArrayKind::Moments: return c == 0 ? 0.5f : 0.1f;
-      case quell::ArrayKind::History: return float(1 + x % 6);
-      case quell::ArrayKind::Display: return Noise(x, y, c);
-      default: return Noise(x, y, c);
+      case quell::ArrayKind::Albedo:
+        return second && c == 1 ? 0.f : 0.2f + 0.6f * Noise(x / 4, y / 4, c);
+      case quell::ArrayKind::Normal:
+        return c == 2 ? (second ? 0.8f : 1.f) : c == 0 && second ? 0.6f : 0.f;
+      case quell::ArrayKind::Position:
+        return c == 0 ? 0.1f * x : c == 1 ? 0.1f * y : second ? -1.f : 0.f;
+      case quell::ArrayKind::Depth:
+        return (second ? 5.f : 3.f) + 0.01f * x;
+      case quell::ArrayKind::Motion:
+        return c == 0 ? 0.3f : -0.2f;
+      case quell::ArrayKind::Id:
+        return second ? 2.f : 1.f;
+      case quell::ArrayKind::Variance:
+        return 0.1f;
+      case quell::ArrayKind::Moments:
+        return c == 0 ? 0.5f : 0.1f;
+      case quell::ArrayKind::History:
+        return float(1 + x % 6);
+      case quell::ArrayKind::Display:
+        return Noise(x, y, c);
+      default:
+        return Noise(x, y, c);
     }
   }
 };
@@ -132,7 +143,8 @@ void vtkQuellContractSource::Describe(quell::StageDescription& d)
 
 const quell::StageRegistry& Registry()
 {
-  static const quell::StageRegistry registry = [] {
+  static const quell::StageRegistry registry = []
+  {
     quell::StageRegistry r;
     quell::RegisterRayTracingStages(r);
     quell::RegisterDenoisingStages(r);
@@ -149,9 +161,11 @@ std::string ArrayFor(quell::ArrayKind kind)
 {
   switch (kind)
   {
-    case quell::ArrayKind::Scalar: return "roughness";
+    case quell::ArrayKind::Scalar:
+      return "roughness";
     case quell::ArrayKind::Any:
-    case quell::ArrayKind::Color: return "radiance";
+    case quell::ArrayKind::Color:
+      return "radiance";
     default:
       for (const quell::ArrayType& a : quell::KnownArrays())
         if (a.Kind == kind)
@@ -220,8 +234,7 @@ struct Bench
       for (int y = region.y0; y < region.y1; ++y)
         for (int x = region.x0; x < region.x1; ++x)
           for (int c = 0; c < n; ++c)
-            pixels[name].push_back(
-              array->GetValue((vtkIdType(y - e[2]) * (e[1] - e[0] + 1) + x - e[0]) * n + c));
+            pixels[name].push_back(array->GetValue((vtkIdType(y - e[2]) * (e[1] - e[0] + 1) + x - e[0]) * n + c));
     }
     return pixels;
   }
@@ -233,7 +246,7 @@ bool SameBits(const Pixels& a, const Pixels& b, std::string& where)
   {
     const auto other = b.find(entry.first);
     if (other == b.end() || other->second.size() != entry.second.size() ||
-      std::memcmp(other->second.data(), entry.second.data(), entry.second.size() * 4) != 0)
+        std::memcmp(other->second.data(), entry.second.data(), entry.second.size() * 4) != 0)
     {
       where = entry.first;
       return false;
@@ -313,7 +326,7 @@ TEST_P(StageContract, PropertiesKeepTheirWord)
       EXPECT_LT(p.Minimum, p.Maximum);
       EXPECT_FALSE(p.SetText(stage, quell::detail::FormatDouble(p.Minimum - 1), error)) << "below the range";
       const std::string top = p.Kind == quell::Property::Type::Int ? std::to_string((long long)p.Maximum)
-                                                                     : quell::detail::FormatDouble(p.Maximum);
+                                                                   : quell::detail::FormatDouble(p.Maximum);
       EXPECT_TRUE(p.SetText(stage, top, error)) << error;
       EXPECT_EQ(p.GetText(stage), top);
     }
@@ -348,19 +361,21 @@ TEST_P(StageContract, ExtremesStayFiniteAndDoNotSpread)
 {
   if (!this->IsFilter())
     GTEST_SKIP() << "not a filter";
-  for (Content what : { Content::Plain, Content::Zero, Content::NotANumber, Content::Infinite, Content::Huge, Content::Peak, Content::Denormal })
+  for (Content what : { Content::Plain, Content::Zero, Content::NotANumber, Content::Infinite, Content::Huge,
+         Content::Peak, Content::Denormal })
   {
     SCOPED_TRACE(int(what));
     Bench bench(this->GetParam(), 33, 29, what);
     const bool ran = bench.Run();
     if (Registry().Describe(this->GetParam())->Sink && !ran)
-      continue;  // a comparison may refuse a non-finite image, with a message
+      continue; // a comparison may refuse a non-finite image, with a message
     ASSERT_TRUE(ran) << bench.stage->GetErrorText();
     const Pixels out = bench.Read({ 0, 0, 33, 29 });
     for (const auto& entry : out)
     {
       const quell::OutputArray* o = bench.stage->GetDescription().FindOutput(entry.first);
-      if (o->Kind != quell::ArrayKind::Color && o->Kind != quell::ArrayKind::Albedo && o->Kind != quell::ArrayKind::Display)
+      if (o->Kind != quell::ArrayKind::Color && o->Kind != quell::ArrayKind::Albedo &&
+          o->Kind != quell::ArrayKind::Display)
         continue;
       int bad = 0;
       for (float v : entry.second)

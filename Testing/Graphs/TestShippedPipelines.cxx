@@ -20,7 +20,8 @@ namespace
 {
 const quell::StageRegistry& Registry()
 {
-  static const quell::StageRegistry registry = [] {
+  static const quell::StageRegistry registry = []
+  {
     quell::StageRegistry r;
     quell::RegisterRayTracingStages(r);
     quell::RegisterDenoisingStages(r);
@@ -46,8 +47,8 @@ struct Pipeline
     quell::GraphOptions options;
     options.Defines = std::move(defines);
     quell::Diagnostics diagnostics;
-    graph = quell::LoadPipeline(
-      std::string(QUELL_SOURCE_DIR "/Data/Pipelines/") + file, Registry(), options, diagnostics);
+    graph =
+      quell::LoadPipeline(std::string(QUELL_SOURCE_DIR "/Data/Pipelines/") + file, Registry(), options, diagnostics);
     if (!graph)
       throw std::runtime_error(std::string(file) + " has mistakes");
     executor = std::make_unique<quell::PipelineExecutor>(graph, Registry());
@@ -96,7 +97,8 @@ TEST(ShippedPipelines, TemporalRegionEqualsCropBitForBit)
   Pipeline whole("svgf.xml", "taa", { "radiance" }, small);
   for (int t = 0; t < 4; ++t)
     whole.Tick(t);
-  for (const quell::DisplayRegion& region : { quell::DisplayRegion{ 0, 0, 1, 1 }, { 10, 8, 31, 22 }, { 40, 33, 48, 40 } })
+  for (const quell::DisplayRegion& region :
+    { quell::DisplayRegion{ 0, 0, 1, 1 }, { 10, 8, 31, 22 }, { 40, 33, 48, 40 } })
   {
     Pipeline part("svgf.xml", "taa", { "radiance" }, small);
     part.executor->SetRegion(region);
@@ -112,10 +114,12 @@ TEST(ShippedPipelines, ThreadsDoNotChangeBits)
   Pipeline two("svgf.xml", "taa", { "radiance" }, small), one("svgf.xml", "taa", { "radiance" }, small);
   for (int t = 0; t < 3; ++t)
     two.Tick(t);
-  vtkSMPTools::LocalScope(vtkSMPTools::Config{ 1 }, [&] {
-    for (int t = 0; t < 3; ++t)
-      one.Tick(t);
-  });
+  vtkSMPTools::LocalScope(vtkSMPTools::Config{ 1 },
+    [&]
+    {
+      for (int t = 0; t < 3; ++t)
+        one.Tick(t);
+    });
   EXPECT_TRUE(SameBits(two.Read("radiance", { 0, 0, 48, 40 }), one.Read("radiance", { 0, 0, 48, 40 })));
 }
 
@@ -155,7 +159,8 @@ TEST(ShippedPipelines, SliderMoveKeepsThePastAndTracesNothing)
 TEST(ShippedPipelines, UnreadArraysAreNotTraced)
 {
   // Guides alone: one camera ray a pixel, no light is sampled, no bounce is followed.
-  Pipeline guides("aov.xml", "pt", { "depth", "normalGeometric", "id" }, { { "width", "32" }, { "height", "32" }, { "spp", "1" } });
+  Pipeline guides(
+    "aov.xml", "pt", { "depth", "normalGeometric", "id" }, { { "width", "32" }, { "height", "32" }, { "spp", "1" } });
   guides.Tick(0);
   EXPECT_EQ(guides.Counters("pt").Rays, 32 * 32);
   EXPECT_EQ(guides.Counters("pt").Bytes, 32 * 32 * (1 + 3 + 1) * 4);

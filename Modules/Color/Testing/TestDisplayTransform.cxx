@@ -160,8 +160,10 @@ TEST(DisplayTransform, ExtremesStayFiniteAndInRange)
 
 TEST(DisplayTransform, RegionIsTheCropInEveryBit)
 {
-  const auto value = [](int x, int y, int c) {
-    return (x * 31 + y * 17) % 23 == 0 ? std::numeric_limits<float>::quiet_NaN() : float((x * 7 + y * 13 + c) % 97) * 0.05f;
+  const auto value = [](int x, int y, int c)
+  {
+    return (x * 31 + y * 17) % 23 == 0 ? std::numeric_limits<float>::quiet_NaN()
+                                       : float((x * 7 + y * 13 + c) % 97) * 0.05f;
   };
   Bench whole(150, 90, value), part(150, 90, value);
   ASSERT_TRUE(whole.Run());

@@ -162,7 +162,8 @@ TEST(Stage, PassesThroughWhatItDoesNotMake)
   sink->ClearRequests();
   sink->AddRequest(box, { "albedo" });
   ASSERT_TRUE(sink->UpdateTick(0));
-  EXPECT_EQ(box->GetOutput()->GetPointData()->GetArray("albedo"), source->GetOutput()->GetPointData()->GetArray("albedo"));
+  EXPECT_EQ(
+    box->GetOutput()->GetPointData()->GetArray("albedo"), source->GetOutput()->GetPointData()->GetArray("albedo"));
   EXPECT_EQ(box->GetCounters().Executions, 1) << "pure pass-through computes nothing";
 }
 
@@ -293,7 +294,8 @@ TEST(History, AccumulatesAcrossTicksAndRepeatsATick)
   vtkNew<vtkQuellCollector> sink;
   sink->AddRequest(feedback, { "radiance" });
   quell::FrameHistory history;
-  const auto run = [&](int tick) {
+  const auto run = [&](int tick)
+  {
     feedback->SetHistory(1, history.Find(tick - 1, "feedback"));
     ASSERT_TRUE(sink->UpdateTick(tick));
     quell::FrameHistory::Frame frame;

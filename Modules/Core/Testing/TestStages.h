@@ -24,7 +24,10 @@ public:
   quell::ArraySet LastWanted;
   quell::Rect LastRegion;
 
-  static float Value(int tick, char first, int x, int y, int c) { return float(tick * 1000 + first) + 0.25f * x + 3.f * y + 0.5f * c; }
+  static float Value(int tick, char first, int x, int y, int c)
+  {
+    return float(tick * 1000 + first) + 0.25f * x + 3.f * y + 0.5f * c;
+  }
 
 protected:
   vtkQuellTestSource() { this->InitializePorts(); }
@@ -132,11 +135,10 @@ protected:
 inline vtkStandardNewMacro(vtkQuellTestSource);
 inline vtkStandardNewMacro(vtkQuellTestBox);
 inline vtkStandardNewMacro(vtkQuellTestFeedback);
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSource)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestBox)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestFeedback)
+inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSource) inline QUELL_STAGE_DESCRIPTION(
+  vtkQuellTestBox) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestFeedback)
 
-inline void vtkQuellTestSource::Describe(quell::StageDescription& d)
+  inline void vtkQuellTestSource::Describe(quell::StageDescription& d)
 {
   using Self = vtkQuellTestSource;
   d.Category = "Test";

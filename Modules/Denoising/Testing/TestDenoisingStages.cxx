@@ -34,7 +34,8 @@ const float NaN = std::numeric_limits<float>::quiet_NaN();
 
 float Hash(int x, int y, int c, int salt)
 {
-  std::uint32_t h = std::uint32_t(x) * 0x9E3779B1u ^ std::uint32_t(y) * 0x85EBCA77u ^ std::uint32_t(c * 97 + salt) * 0xC2B2AE3Du;
+  std::uint32_t h =
+    std::uint32_t(x) * 0x9E3779B1u ^ std::uint32_t(y) * 0x85EBCA77u ^ std::uint32_t(c * 97 + salt) * 0xC2B2AE3Du;
   h ^= h >> 15;
   h *= 0x2C1B3C6Du;
   h ^= h >> 12;
@@ -66,7 +67,10 @@ public:
     if (name == "depth")
       v = sky ? Inf : right ? 9.f + 0.02f * y : 4.f + 0.01f * x + 0.02f * y;
     else if (name == "normal")
-      v = sky ? 0.f : c == 2 ? std::cos(right ? 0.7f : 0.05f * std::sin(0.3f * x)) : c == 0 ? std::sin(right ? 0.7f : 0.05f * std::sin(0.3f * x)) : 0.f;
+      v = sky      ? 0.f
+          : c == 2 ? std::cos(right ? 0.7f : 0.05f * std::sin(0.3f * x))
+          : c == 0 ? std::sin(right ? 0.7f : 0.05f * std::sin(0.3f * x))
+                   : 0.f;
     else if (name == "id")
       v = sky ? 0.f : right ? 2.f : 1.f;
     else if (name == "history")
@@ -200,9 +204,8 @@ TEST_P(EveryStage, RegionEqualsCropAndReadsItsHalo)
 {
   // NaN pixels too: what fills them may not depend on the region.
   vtkNew<vtkQuellNoisyFrame> source;
-  source->Change = [](const std::string& name, int x, int y, int, float v) {
-    return name != "id" && Hash(x, y, 0, name[0]) < 0.01f ? NaN : v;
-  };
+  source->Change = [](const std::string& name, int x, int y, int, float v)
+  { return name != "id" && Hash(x, y, 0, name[0]) < 0.01f ? NaN : v; };
   auto stage = Make(GetParam());
   ConnectAll(stage, source);
   vtkNew<vtkQuellCollector> sink;
@@ -268,12 +271,15 @@ TEST_P(EveryStage, ExtremesStayFinite)
     { "largest", [](const std::string& n, int, int, int, float v) { return n == "depth" || n == "id" ? v : FLT_MAX; } },
     { "a single 1e30", [](const std::string&, int x, int y, int, float v) { return x == 9 && y == 9 ? 1e30f : v; } },
     { "negative", [](const std::string&, int, int, int, float v) { return -v; } },
-    { "poison", [](const std::string&, int x, int y, int c, float v) {
-       const float h = Hash(x, y, c, 77);
-       return h < 0.02f ? NaN : h < 0.04f ? Inf : h < 0.06f ? -Inf : h < 0.08f ? 1e30f : h < 0.1f ? -1e-6f : v;
-     } },
+    { "poison",
+      [](const std::string&, int x, int y, int c, float v)
+      {
+        const float h = Hash(x, y, c, 77);
+        return h < 0.02f ? NaN : h < 0.04f ? Inf : h < 0.06f ? -Inf : h < 0.08f ? 1e30f : h < 0.1f ? -1e-6f : v;
+      } },
   };
-  for (const quell::Rect size : { quell::Rect{ 0, 0, 24, 20 }, quell::Rect{ 0, 0, 1, 1 }, quell::Rect{ 0, 0, 1, 9 }, quell::Rect{ 0, 0, 17, 1 } })
+  for (const quell::Rect size :
+    { quell::Rect{ 0, 0, 24, 20 }, quell::Rect{ 0, 0, 1, 1 }, quell::Rect{ 0, 0, 1, 9 }, quell::Rect{ 0, 0, 17, 1 } })
     for (const auto& c : cases)
     {
       vtkNew<vtkQuellNoisyFrame> source;
@@ -290,8 +296,10 @@ TEST_P(EveryStage, ExtremesStayFinite)
           ASSERT_TRUE(std::isfinite(v)) << c.first << ": " << entry.first << " " << size.x1 << " x " << size.y1;
       // A broken pixel is counted and told; a black image is not broken.
       EXPECT_EQ(stage->GetCounters().NonFinite > 0, c.first == "all NaN" || c.first == "all infinite" ||
-          (c.first == "poison" && stage->GetCounters().NonFinite > 0)) << c.first;
-      EXPECT_EQ(stage->GetCounters().NonFinite > 0, !stage->GetWarnings().empty() && stage->GetWarnings().back().find("not finite") != std::string::npos);
+                                                      (c.first == "poison" && stage->GetCounters().NonFinite > 0))
+        << c.first;
+      EXPECT_EQ(stage->GetCounters().NonFinite > 0,
+        !stage->GetWarnings().empty() && stage->GetWarnings().back().find("not finite") != std::string::npos);
     }
 }
 
@@ -492,7 +500,8 @@ TEST(ATrousStage, VarianceOutputWithoutInputWarns)
 TEST(VarianceStage, SvgfChainReducesNoise)
 {
   vtkNew<vtkQuellNoisyFrame> source;
-  source->Change = [](const std::string& name, int x, int, int, float v) { return name == "history" ? 1.f + 0 * x : v; };
+  source->Change = [](const std::string& name, int x, int, int, float v)
+  { return name == "history" ? 1.f + 0 * x : v; };
   vtkNew<vtkQuellVarianceEstimate> variance;
   vtkNew<vtkQuellATrousFilter> filter;
   for (const char* port : { "radiance", "depth", "normal" })

@@ -91,7 +91,8 @@ inline float Value(vtkImageData* image, const std::string& name, int x, int y, i
 /// Everything float32 can be: NaN with a payload, infinities, denormals, negative zero, 1e30, the largest.
 inline float WildValue(int x, int y, int c)
 {
-  const std::uint32_t h = (std::uint32_t(x) * 73856093u) ^ (std::uint32_t(y) * 19349663u) ^ (std::uint32_t(c) * 83492791u);
+  const std::uint32_t h =
+    (std::uint32_t(x) * 73856093u) ^ (std::uint32_t(y) * 19349663u) ^ (std::uint32_t(c) * 83492791u);
   const float inf = std::numeric_limits<float>::infinity();
   switch (h % 11)
   {

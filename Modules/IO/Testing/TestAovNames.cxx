@@ -69,7 +69,8 @@ TEST(AovNames, BlenderPassesKeepTheirMeaning)
                        "ViewLayer.CryptoObject00.R", "ViewLayer.CryptoObject00.G", "ViewLayer.CryptoObject00.B" } };
   const Names m = Mapped({ part }, ChannelDialect::Blender);
   const Names expected{ { "radiance", "ViewLayer.Combined.R ViewLayer.Combined.G ViewLayer.Combined.B" },
-    { "combined", "ViewLayer.Combined.R ViewLayer.Combined.G ViewLayer.Combined.B" }, { "alpha", "ViewLayer.Combined.A" },
+    { "combined", "ViewLayer.Combined.R ViewLayer.Combined.G ViewLayer.Combined.B" },
+    { "alpha", "ViewLayer.Combined.A" },
     { "albedo", "ViewLayer.Denoising Albedo.R ViewLayer.Denoising Albedo.G ViewLayer.Denoising Albedo.B" },
     { "depth", "ViewLayer.Depth.Z" },
     { "diffuseDirect", "ViewLayer.DiffDir.R ViewLayer.DiffDir.G ViewLayer.DiffDir.B" }, { "id", "ViewLayer.IndexOB.X" },
@@ -97,8 +98,8 @@ TEST(AovNames, PbrtGbufferFilm)
 
 TEST(AovNames, ArnoldMitsubaAndStrangers)
 {
-  FilePart part{ "", { "R", "G", "B", "A", "Z", "diffuse_direct.R", "diffuse_direct.G", "diffuse_direct.B",
-                       "depth.T", "sh_normal.X", "sh_normal.Y", "sh_normal.Z", "motion.X", "motion.Y", "left.R", "left.G",
+  FilePart part{ "", { "R", "G", "B", "A", "Z", "diffuse_direct.R", "diffuse_direct.G", "diffuse_direct.B", "depth.T",
+                       "sh_normal.X", "sh_normal.Y", "sh_normal.Z", "motion.X", "motion.Y", "left.R", "left.G",
                        "left.B", "left.Z", "spectrum.450nm", "spectrum.550nm", "emission" } };
   Names m = Mapped({ part }, ChannelDialect::Other);
   EXPECT_EQ(m["directDiffuse"], "diffuse_direct.R diffuse_direct.G diffuse_direct.B");

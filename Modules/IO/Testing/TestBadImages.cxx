@@ -108,7 +108,8 @@ TEST(BadImages, EveryHostileFileIsReadOrRefusedByName)
   {
     const std::string path = entry.path().string();
     const std::string name = entry.path().filename().string();
-    if (!entry.is_regular_file() || name == "ATTRIBUTION.md" || name == "EXPECTED.tsv" || name.compare(0, 7, "LICENSE") == 0)
+    if (!entry.is_regular_file() || name == "ATTRIBUTION.md" || name == "EXPECTED.tsv" ||
+        name.compare(0, 7, "LICENSE") == 0)
       continue;
     SCOPED_TRACE(path);
     const auto start = std::chrono::steady_clock::now();

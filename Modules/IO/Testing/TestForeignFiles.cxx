@@ -9,8 +9,8 @@ std::string Shared(const std::string& name)
 {
   return std::string(QUELL_SHARED_DATA) + "/" + name;
 }
-#define NEED(path)                                                                                           \
-  if (!std::filesystem::exists(path))                                                                        \
+#define NEED(path)                    \
+  if (!std::filesystem::exists(path)) \
   GTEST_SKIP() << path << " is not here"
 }
 
@@ -26,7 +26,7 @@ TEST(ForeignFiles, BlenderPassesAddUpToTheCombined)
       {
         const auto v = [&](const char* name) { return double(Value(image, name, x, y, c)); };
         const double sum = (v("diffuseDirect") + v("diffuseIndirect")) * v("diffuseColor") +
-          (v("glossyDirect") + v("glossyIndirect")) * v("glossyColor") + v("emission");
+                           (v("glossyDirect") + v("glossyIndirect")) * v("glossyColor") + v("emission");
         worst = std::max(worst, std::fabs(sum - v("combined")) / (std::fabs(v("combined")) + 0.01));
         ASSERT_EQ(Value(image, "radiance", x, y, c), Value(image, "combined", x, y, c));
       }
@@ -60,7 +60,8 @@ TEST(ForeignFiles, BlenderColoursAreAlbedos)
 
 TEST(ForeignFiles, BlenderMotionPointsToThePreviousFrame)
 {
-  const std::string now = Shared("denoise-cycles-room/noisy.0004.exr"), before = Shared("denoise-cycles-room/noisy.0003.exr");
+  const std::string now = Shared("denoise-cycles-room/noisy.0004.exr"),
+                    before = Shared("denoise-cycles-room/noisy.0003.exr");
   NEED(now);
   auto image = ReadImageFile(now), previous = ReadImageFile(before);
   // Where the point was: with the right sign the previous frame shows the same world position there. The error of every

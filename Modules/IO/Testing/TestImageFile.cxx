@@ -19,8 +19,8 @@ TEST(ImageFile, EveryKnownArrayComesBackBitForBit)
   for (const ArrayType& type : KnownArrays())
   {
     EXPECT_TRUE(SameBits(image, back, type.Name)) << type.Name;
-    const auto entry = std::find_if(
-      report.Arrays.begin(), report.Arrays.end(), [&](const FileArray& a) { return a.Name == type.Name; });
+    const auto entry =
+      std::find_if(report.Arrays.begin(), report.Arrays.end(), [&](const FileArray& a) { return a.Name == type.Name; });
     ASSERT_NE(entry, report.Arrays.end()) << type.Name;
     EXPECT_EQ(entry->Kind, type.Kind) << type.Name;
   }
@@ -32,8 +32,8 @@ TEST(ImageFile, LosslessCompressionsAgree)
   TemporaryDirectory dir;
   auto image = NewImage({ 0, 0, 67, 41 });
   AddArray(image, "radiance", 3, &WildValue);
-  for (auto c : { FileCompression::None, FileCompression::Rle, FileCompression::Zips, FileCompression::Zip,
-         FileCompression::Piz })
+  for (auto c :
+    { FileCompression::None, FileCompression::Rle, FileCompression::Zips, FileCompression::Zip, FileCompression::Piz })
   {
     WriteOptions options;
     options.Compression = c;
@@ -55,9 +55,8 @@ TEST(ImageFile, RowZeroIsTheFilesLastRowAndMotionTurnsWithIt)
   const auto spec = in->spec();
   std::vector<float> raw(size_t(4) * 3 * spec.nchannels);
   ASSERT_TRUE(in->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, raw.data()));
-  const auto at = [&](int x, int row, const char* channel) {
-    return raw[(size_t(row) * 4 + x) * spec.nchannels + spec.channelindex(channel)];
-  };
+  const auto at = [&](int x, int row, const char* channel)
+  { return raw[(size_t(row) * 4 + x) * spec.nchannels + spec.channelindex(channel)]; };
   EXPECT_EQ(at(0, 2, "R"), 0.f) << "VTK's (0, 0) is the bottom left";
   EXPECT_EQ(at(3, 0, "B"), 232.f) << "and (3, 2) the top right";
   EXPECT_EQ(at(1, 2, "motion.X"), 1.5f);
@@ -112,12 +111,13 @@ TEST(ImageFile, RegionIsTheDataWindow)
 TEST(ImageFile, AnyRegionEqualsTheCrop)
 {
   TemporaryDirectory dir;
-  auto image = NewImage({ 0, 0, 37, 600 });  // several blocks of rows
+  auto image = NewImage({ 0, 0, 37, 600 }); // several blocks of rows
   AddArray(image, "radiance", 3, &WildValue);
   AddArray(image, "motion", 2, &WildValue);
   WriteImageFile(dir / "r.exr", image);
   auto whole = ReadImageFile(dir / "r.exr");
-  for (const Rect& region : { Rect{ 0, 0, 37, 1 }, Rect{ 5, 599, 6, 600 }, Rect{ 3, 100, 30, 420 }, Rect{ 0, 255, 37, 257 } })
+  for (const Rect& region :
+    { Rect{ 0, 0, 37, 1 }, Rect{ 5, 599, 6, 600 }, Rect{ 3, 100, 30, 420 }, Rect{ 0, 255, 37, 257 } })
   {
     ReadOptions options;
     options.Region = region;
@@ -150,7 +150,7 @@ TEST(ImageFile, TiledPartsOfDifferentTypesAndIntegers)
     for (int x = 0; x < w; ++x)
     {
       Pixel& p = pixels[size_t(y) * w + x];
-      p.rgb[0] = p.rgb[1] = p.rgb[2] = 0x3800;  // 0.5
+      p.rgb[0] = p.rgb[1] = p.rgb[2] = 0x3800; // 0.5
       const float z = float(x + 1000 * y);
       const std::uint32_t id = 3000000 + std::uint32_t(y);
       std::memcpy(p.z, &z, 4);
@@ -237,10 +237,11 @@ TEST(ImageFile, StandardMatricesFollowTheFormatsConvention)
   const auto* c = in->spec().find_attribute("worldToCamera", OIIO::TypeMatrix);
   const auto* n = in->spec().find_attribute("worldToNDC", OIIO::TypeMatrix);
   ASSERT_TRUE(c && n);
-  const auto transform = [](const OIIO::ParamValue* a, const double (&p)[4], double (&q)[4]) {
+  const auto transform = [](const OIIO::ParamValue* a, const double(&p)[4], double(&q)[4])
+  {
     const float* m = static_cast<const float*>(a->data());
     for (int j = 0; j < 4; ++j)
-      q[j] = p[0] * m[j] + p[1] * m[4 + j] + p[2] * m[8 + j] + p[3] * m[12 + j];  // row vector times matrix
+      q[j] = p[0] * m[j] + p[1] * m[4 + j] + p[2] * m[8 + j] + p[3] * m[12 + j]; // row vector times matrix
   };
   double q[4];
   transform(c, { 1, 3, 3, 1 }, q);
@@ -287,10 +288,12 @@ TEST(ImageFile, HalfClampsAndKeepsWhatMustStayFloat)
   TemporaryDirectory dir;
   auto image = NewImage({ 0, 0, 3, 1 });
   const float inf = std::numeric_limits<float>::infinity();
-  AddArray(image, "radiance", 3, [=](int x, int, int c) {
-    const float v[9] = { 65504.f, 65520.f, 1e30f, inf, -70000.f, NAN, 1e-8f, 0.1f, 1.f };
-    return v[3 * x + c];
-  });
+  AddArray(image, "radiance", 3,
+    [=](int x, int, int c)
+    {
+      const float v[9] = { 65504.f, 65520.f, 1e30f, inf, -70000.f, NAN, 1e-8f, 0.1f, 1.f };
+      return v[3 * x + c];
+    });
   AddArray(image, "id", 1, [](int, int, int) { return 16777215.f; });
   AddArray(image, "depth", 1, [](int, int, int) { return 1e6f; });
   AddArray(image, "motion", 2, [](int, int, int) { return 0.1f; });
@@ -330,7 +333,8 @@ TEST(ImageFile, EightBitValues)
   WriteImageFile(dir / "l.png", image, { { "radiance", "" } }, {}, &report);
   EXPECT_EQ(report.NonFinite, 6);
   WriteImageFile(dir / "d.png", image, { { "display", "" } });
-  const auto bytes = [&](const char* name) {
+  const auto bytes = [&](const char* name)
+  {
     auto in = OIIO::ImageInput::open(dir / name);
     std::vector<unsigned char> b(24);
     EXPECT_TRUE(in->read_image(0, 0, 0, 3, OIIO::TypeUInt8, b.data()));
@@ -403,7 +407,8 @@ TEST(ImageFile, LayersNamesAndCollisions)
   AddArray(image, "radiance", 3, &WildValue);
   AddArray(image, "albedo", 3, &WildValue);
   AddArray(image, "motion", 2, &WildValue);
-  WriteImageFile(dir / "n.exr", image, { { "albedo", "" }, { "radiance", "noisy" }, { "radiance", "" }, { "motion", "mv" } });
+  WriteImageFile(
+    dir / "n.exr", image, { { "albedo", "" }, { "radiance", "noisy" }, { "radiance", "" }, { "motion", "mv" } });
   ReadReport r = ReadImageHeader(dir / "n.exr");
   std::map<std::string, ArrayKind> kinds;
   for (const FileArray& a : r.Arrays)

@@ -132,10 +132,12 @@ TEST(ATrous, ConstantsAreFixedPoints)
   {
     Scene s(48, 40);
     s.color = Image(s.color.extent, 3, v);
-    ForEachTarget([&](const char* name) {
-      const Result r = Filter(s.color.extent, s, true, true, false, 4, Same);
-      EXPECT_TRUE(r.color == s.color) << v << " " << name;
-    });
+    ForEachTarget(
+      [&](const char* name)
+      {
+        const Result r = Filter(s.color.extent, s, true, true, false, 4, Same);
+        EXPECT_TRUE(r.color == s.color) << v << " " << name;
+      });
     EXPECT_TRUE(Filter(s.color.extent, s, false, true, true, 2, Same).color == s.color) << v;
   }
 }
@@ -167,12 +169,17 @@ TEST(ATrous, EdgesStop)
       *sky.depth.at(x, y) = Inf;
     }
   for (const Scene* t : { &depth, &normal, &id, &sky })
-    EXPECT_LT(Compare(Filter(s.color.extent, *t, false, true, true, 2, NoEdges).color.data, s.color.data).relative, 1e-6);
+    EXPECT_LT(
+      Compare(Filter(s.color.extent, *t, false, true, true, 2, NoEdges).color.data, s.color.data).relative, 1e-6);
   // An exponent of 0 accepts every normal.
-  EXPECT_GT(Filter(s.color.extent, normal, false, true, false, 2, [](quell::ATrousPass& p) {
-    p.fixedSigma = 1e30f;
-    p.sigmaNormal = 0;
-  }).color.at(15, 8)[0], 0.1f);
+  EXPECT_GT(Filter(s.color.extent, normal, false, true, false, 2,
+              [](quell::ATrousPass& p)
+              {
+                p.fixedSigma = 1e30f;
+                p.sigmaNormal = 0;
+              })
+              .color.at(15, 8)[0],
+    0.1f);
 }
 
 TEST(ATrous, SlantedPlaneIsOneSurface)
@@ -185,7 +192,8 @@ TEST(ATrous, SlantedPlaneIsOneSurface)
       s.color.fill(x, y, u());
       *s.depth.at(x, y) = 10 + 0.5f * x - 0.25f * y;
     }
-  const auto spread = [&](const Image& image) {
+  const auto spread = [&](const Image& image)
+  {
     double sum = 0, squares = 0;
     for (int y = 8; y < 32; ++y)
       for (int x = 8; x < 32; ++x)
@@ -211,22 +219,26 @@ TEST(ATrous, ScalarAgreesWithEveryTarget)
         for (const float sigmaNormal : { 128.f, 50.f, 1.f, 0.f })
           for (const int passes : { 1, 4 })
           {
-            const auto change = [&](quell::ATrousPass& p) {
+            const auto change = [&](quell::ATrousPass& p)
+            {
               p.sigmaNormal = sigmaNormal;
               p.fixedSigma = 0.7f;
             };
             const Result scalar =
               Filter(s.color.extent, s, variance, normals, ids, passes, change, quell::ATrousRowScalar);
-            ForEachTarget([&](const char* name) {
-              const Result simd = Filter(s.color.extent, s, variance, normals, ids, passes, change);
-              const Difference c = Compare(simd.color.data, scalar.color.data);
-              EXPECT_LT(c.relative, passes == 1 ? 1e-5 : 5e-5) << name << " " << sigmaNormal << " " << variance << normals << ids;
-              EXPECT_LT(c.smape, 1e-6) << name;
-              if (variance)
+            ForEachTarget(
+              [&](const char* name)
               {
-                EXPECT_LT(Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, 2e-4) << name;
-              }
-            });
+                const Result simd = Filter(s.color.extent, s, variance, normals, ids, passes, change);
+                const Difference c = Compare(simd.color.data, scalar.color.data);
+                EXPECT_LT(c.relative, passes == 1 ? 1e-5 : 5e-5)
+                  << name << " " << sigmaNormal << " " << variance << normals << ids;
+                EXPECT_LT(c.smape, 1e-6) << name;
+                if (variance)
+                {
+                  EXPECT_LT(Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, 2e-4) << name;
+                }
+              });
           }
 }
 
@@ -235,21 +247,23 @@ TEST(ATrous, BitsDoNotDependOnTheRegion)
 {
   const Scene s(120, 70);
   const int passes = 3;
-  ForEachTarget([&](const char* name) {
-    const Result full = Filter(s.color.extent, s, true, true, true, passes, Same);
-    for (const quell::Rect want : { quell::Rect{ 50, 30, 63, 41 }, quell::Rect{ 0, 0, 9, 70 }, quell::Rect{ 101, 52, 120, 70 },
-           quell::Rect{ 61, 35, 62, 36 } })
+  ForEachTarget(
+    [&](const char* name)
     {
-      const quell::Rect read = want.grown(quell::ATrousHalo(passes)).clipped(s.color.extent);
-      const Result crop = Filter(read, s, true, true, true, passes, Same);
-      for (int y = want.y0; y < want.y1; ++y)
-        for (int x = want.x0; x < want.x1; ++x)
-        {
-          ASSERT_EQ(0, std::memcmp(crop.color.at(x, y), full.color.at(x, y), 12)) << name << " " << x << " " << y;
-          ASSERT_EQ(*crop.variance.at(x, y), *full.variance.at(x, y)) << name << " " << x << " " << y;
-        }
-    }
-  });
+      const Result full = Filter(s.color.extent, s, true, true, true, passes, Same);
+      for (const quell::Rect want : { quell::Rect{ 50, 30, 63, 41 }, quell::Rect{ 0, 0, 9, 70 },
+             quell::Rect{ 101, 52, 120, 70 }, quell::Rect{ 61, 35, 62, 36 } })
+      {
+        const quell::Rect read = want.grown(quell::ATrousHalo(passes)).clipped(s.color.extent);
+        const Result crop = Filter(read, s, true, true, true, passes, Same);
+        for (int y = want.y0; y < want.y1; ++y)
+          for (int x = want.x0; x < want.x1; ++x)
+          {
+            ASSERT_EQ(0, std::memcmp(crop.color.at(x, y), full.color.at(x, y), 12)) << name << " " << x << " " << y;
+            ASSERT_EQ(*crop.variance.at(x, y), *full.variance.at(x, y)) << name << " " << x << " " << y;
+          }
+      }
+    });
 }
 
 TEST(ATrous, NonFiniteIsContained)
@@ -330,7 +344,8 @@ TEST(ATrous, BackgroundPassesThrough)
 
 TEST(ATrous, TinyAndThinImages)
 {
-  for (const quell::Rect e : { quell::Rect{ 0, 0, 1, 1 }, quell::Rect{ 0, 0, 1, 17 }, quell::Rect{ 0, 0, 33, 1 }, quell::Rect{ 0, 0, 2, 2 } })
+  for (const quell::Rect e :
+    { quell::Rect{ 0, 0, 1, 1 }, quell::Rect{ 0, 0, 1, 17 }, quell::Rect{ 0, 0, 33, 1 }, quell::Rect{ 0, 0, 2, 2 } })
   {
     Scene s = Flat(e.x1, e.y1, 2.5f);
     EXPECT_TRUE(Filter(e, s, true, true, true, 5, Same).color == s.color);

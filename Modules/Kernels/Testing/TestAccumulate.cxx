@@ -22,7 +22,11 @@ struct Row
   AccumulateParameters par;
 
   explicit Row(int count)
-    : n(count), extent{ 0, 0, count, 1 }, color(3 * count), moments(2 * count), length(count)
+    : n(count)
+    , extent{ 0, 0, count, 1 }
+    , color(3 * count)
+    , moments(2 * count)
+    , length(count)
   {
   }
   std::int64_t add(const std::vector<float>& gray)
@@ -35,16 +39,17 @@ struct Row
   std::int64_t addColor(const std::vector<float>& rgb)
   {
     const std::vector<float> c = color, m = moments, l = length;
-    return Accumulate({ { rgb.data(), 3, extent }, { c.data(), 3, extent }, { m.data(), 2, extent }, { l.data(), 1, extent } },
-      par, { { color.data(), 3, extent }, { moments.data(), 2, extent }, { length.data(), 1, extent } }, extent);
+    return Accumulate(
+      { { rgb.data(), 3, extent }, { c.data(), 3, extent }, { m.data(), 2, extent }, { l.data(), 1, extent } }, par,
+      { { color.data(), 3, extent }, { moments.data(), 2, extent }, { length.data(), 1, extent } }, extent);
   }
 };
 }
 
 TEST(Accumulate, WeightsGiveTheTableOfNoiseGains)
 {
-  // Pixel k is 1 in frame k only, so after n frames it holds the weight of frame k; independent noise then has the variance
-  // of the sum of their squares.
+  // Pixel k is 1 in frame k only, so after n frames it holds the weight of frame k; independent noise then has the
+  // variance of the sum of their squares.
   const int n = 30;
   Row row(n);
   row.par.alpha = 0.2;
@@ -114,7 +119,7 @@ TEST(Accumulate, HistoryCountsAndIsCapped)
     EXPECT_EQ(row.length[0], std::min(i, 5));
     if (i <= 5)
     {
-      EXPECT_FLOAT_EQ(row.color[0], (i + 1) / 2.f);  // a true mean so far
+      EXPECT_FLOAT_EQ(row.color[0], (i + 1) / 2.f); // a true mean so far
     }
   }
   Row none(1);
@@ -142,7 +147,8 @@ TEST(Accumulate, FirstFrameIsTheInputBitForBit)
 
 TEST(Accumulate, MomentsAreTheWeightedMeanAndVariance)
 {
-  // Against weights written out, at a mean 1e5 times the deviation, where E[x^2] - E[x]^2 in float is off by more than itself.
+  // Against weights written out, at a mean 1e5 times the deviation, where E[x^2] - E[x]^2 in float is off by more than
+  // itself.
   Row row(1);
   std::vector<float> samples;
   for (int i = 0; i < 100; ++i)
@@ -207,7 +213,7 @@ TEST(Accumulate, NonFiniteHistoryVanishesInAFrame)
   row.moments[4] = std::numeric_limits<float>::infinity();
   row.add({ 3, 4, 5 });
   EXPECT_EQ(row.color[0], 2);
-  EXPECT_EQ(row.color[3], 4);  // history refused: the new value alone
+  EXPECT_EQ(row.color[3], 4); // history refused: the new value alone
   EXPECT_EQ(row.color[4], 4);
   EXPECT_EQ(row.length[1], 1);
   EXPECT_EQ(row.color[6], 5);

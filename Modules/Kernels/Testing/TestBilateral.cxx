@@ -71,7 +71,8 @@ TEST(Bilateral, GaussianAndBoxLimits)
   image.fill(7, 7, 1.f);
   quell::BilateralInputs in;
   in.radiance = image;
-  const auto squares = [&](const quell::BilateralParameters& p) {
+  const auto squares = [&](const quell::BilateralParameters& p)
+  {
     double sum = 0;
     for (float v : Filtered(in, p, e).data)
       sum += double(v) * v / 3;
@@ -141,11 +142,13 @@ TEST(Bilateral, ScalarAgreesWithEveryTarget)
     const auto in = Inputs(s, guides);
     Image scalar(s.color.extent, 3);
     quell::BilateralScalar(in, p, scalar, s.color.extent);
-    ForEachTarget([&](const char* name) {
-      const Difference d = Compare(Filtered(in, p, s.color.extent).data, scalar.data);
-      EXPECT_LT(d.relative, 1e-5) << name << " " << guides;
-      EXPECT_LT(d.smape, 1e-6) << name << " " << guides;
-    });
+    ForEachTarget(
+      [&](const char* name)
+      {
+        const Difference d = Compare(Filtered(in, p, s.color.extent).data, scalar.data);
+        EXPECT_LT(d.relative, 1e-5) << name << " " << guides;
+        EXPECT_LT(d.smape, 1e-6) << name << " " << guides;
+      });
   }
 }
 
@@ -192,7 +195,8 @@ TEST(Bilateral, PlaneDistanceDoesNotFallOffAlongASlant)
     }
   quell::BilateralParameters p = Gaussian(2, 4);
   p.sigmaDepth = 0.02;
-  const float depth = Filtered(Inputs(s, 1 + 2), p, e).at(4, 4)[0], plane = Filtered(Inputs(s, 1 + 2 + 8), p, e).at(4, 4)[0];
+  const float depth = Filtered(Inputs(s, 1 + 2), p, e).at(4, 4)[0],
+              plane = Filtered(Inputs(s, 1 + 2 + 8), p, e).at(4, 4)[0];
   const float free = Filtered(Inputs(s, 0), p, e).at(4, 4)[0];
   EXPECT_NEAR(plane, free, 1e-6);
   EXPECT_LT(depth, 0.1f * free);
@@ -236,7 +240,8 @@ TEST(Bilateral, BitsDoNotDependOnTheTile)
   {
     quell::BilateralParameters p;
     const Image full = Filtered(Inputs(s, guides), p, s.color.extent);
-    for (const quell::Rect tile : { quell::Rect{ 0, 0, 16, 16 }, quell::Rect{ 31, 17, 50, 23 }, quell::Rect{ 73, 49, 90, 50 } })
+    for (const quell::Rect tile :
+      { quell::Rect{ 0, 0, 16, 16 }, quell::Rect{ 31, 17, 50, 23 }, quell::Rect{ 73, 49, 90, 50 } })
     {
       const Image part = Filtered(Inputs(s, guides), p, tile);
       for (int y = tile.y0; y < tile.y1; ++y)

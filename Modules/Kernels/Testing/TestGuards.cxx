@@ -76,18 +76,20 @@ TEST(Simd, NegativeExp2Accuracy)
     in.push_back(115.f * float(i) / (64 * 4000));
   in[1] = 1e-30f;
   out.resize(in.size());
-  ForEachTarget([&](const char* name) {
-    quell::NegativeExp2(in.data(), out.data(), in.size());
-    double worst = 0;
-    for (size_t i = 0; i < in.size(); ++i)
-      worst = std::max(worst, std::fabs(out[i] / std::exp2(-double(in[i])) - 1));
-    EXPECT_LT(worst, 3e-7) << name;
-    EXPECT_EQ(out[0], 1.f) << name;
-    EXPECT_EQ(out[1], 1.f) << name;
-    std::vector<float> extreme(64, 115.1f), e(64);
-    extreme[0] = Inf, extreme[1] = NaN, extreme[2] = FLT_MAX, extreme[3] = 1e9f;
-    quell::NegativeExp2(extreme.data(), e.data(), 64);
-    for (float v : e)
-      EXPECT_EQ(v, 0.f) << name;
-  });
+  ForEachTarget(
+    [&](const char* name)
+    {
+      quell::NegativeExp2(in.data(), out.data(), in.size());
+      double worst = 0;
+      for (size_t i = 0; i < in.size(); ++i)
+        worst = std::max(worst, std::fabs(out[i] / std::exp2(-double(in[i])) - 1));
+      EXPECT_LT(worst, 3e-7) << name;
+      EXPECT_EQ(out[0], 1.f) << name;
+      EXPECT_EQ(out[1], 1.f) << name;
+      std::vector<float> extreme(64, 115.1f), e(64);
+      extreme[0] = Inf, extreme[1] = NaN, extreme[2] = FLT_MAX, extreme[3] = 1e9f;
+      quell::NegativeExp2(extreme.data(), e.data(), 64);
+      for (float v : e)
+        EXPECT_EQ(v, 0.f) << name;
+    });
 }

@@ -14,14 +14,14 @@ using namespace quell;
 TEST(ImageMetrics, PixelErrorsByHand)
 {
   const float t[3] = { 0.5f, 2, 0 }, r[3] = { 1, 1, 0 };
-  const ImageIn a(t, 3, { 0, 0, 1, 1 }), b(r, 3, { 7, 9, 8, 10 });  // placed elsewhere in their frames
+  const ImageIn a(t, 3, { 0, 0, 1, 1 }), b(r, 3, { 7, 9, 8, 10 }); // placed elsewhere in their frames
   EXPECT_DOUBLE_EQ(PixelErrorAt(PixelError::Squared, a, b, 0, 0), (0.25 + 1) / 3);
   EXPECT_DOUBLE_EQ(PixelErrorAt(PixelError::Absolute, a, b, 0, 0), 1.5 / 3);
   EXPECT_DOUBLE_EQ(PixelErrorAt(PixelError::RelativeSquared, a, b, 0, 0), (0.25 / 1.01 + 1 / 1.01) / 3);
   EXPECT_DOUBLE_EQ(PixelErrorAt(PixelError::Mrse, a, b, 0, 0), (0.25 + 1) / (1.01 * 1.01) / 3);
   EXPECT_DOUBLE_EQ(PixelErrorAt(PixelError::Smape, a, b, 0, 0), (0.5 / 1.51 + 1 / 3.01) / 3);
   EXPECT_DOUBLE_EQ(PixelErrorAt(PixelError::SquaredClamped, a, b, 0, 0), 0.25 / 3);
-  EXPECT_NEAR(ToneForMetrics(1), 0.73535698, 1e-7);  // sRGB of 1/2
+  EXPECT_NEAR(ToneForMetrics(1), 0.73535698, 1e-7); // sRGB of 1/2
   EXPECT_EQ(ToneForMetrics(-3), 0);
   EXPECT_DOUBLE_EQ(ToneForMetrics(1e30), 1.055 - 0.055);
 }
@@ -93,7 +93,8 @@ TEST(Flip, ConstantsAndRowOrder)
 {
   const int w = 9, h = 7;
   const std::vector<float> half(3 * w * h, 0.5f), more(3 * w * h, 0.6f), black(3 * w * h, 0.f), white(3 * w * h, 1.f);
-  const auto value = [&](const std::vector<float>& a, const std::vector<float>& b, bool backwards) {
+  const auto value = [&](const std::vector<float>& a, const std::vector<float>& b, bool backwards)
+  {
     Planes pa(w, h), pb(w, h);
     for (auto* p : { &pa, &pb })
     {

@@ -26,7 +26,12 @@ struct Image
   std::vector<float> data;
 
   Image() = default;
-  Image(const quell::Rect& e, int c, float v = 0) : extent(e), components(c), data(e.area() * c, v) {}
+  Image(const quell::Rect& e, int c, float v = 0)
+    : extent(e)
+    , components(c)
+    , data(e.area() * c, v)
+  {
+  }
   float* at(int x, int y) { return quell::ImageOut(*this).at(x, y); }
   const float* at(int x, int y) const { return quell::ImageIn(*this).at(x, y); }
   void fill(int x, int y, float v)
@@ -34,12 +39,18 @@ struct Image
     for (int c = 0; c < this->components; ++c)
       this->at(x, y)[c] = v;
   }
-  operator quell::ImageOut() { return this->data.empty() ? quell::ImageOut() : quell::ImageOut(this->data.data(), this->components, this->extent); }
-  operator quell::ImageIn() const { return this->data.empty() ? quell::ImageIn() : quell::ImageIn(this->data.data(), this->components, this->extent); }
+  operator quell::ImageOut()
+  {
+    return this->data.empty() ? quell::ImageOut() : quell::ImageOut(this->data.data(), this->components, this->extent);
+  }
+  operator quell::ImageIn() const
+  {
+    return this->data.empty() ? quell::ImageIn() : quell::ImageIn(this->data.data(), this->components, this->extent);
+  }
   bool operator==(const Image& o) const
   {
     return this->extent == o.extent && this->data.size() == o.data.size() &&
-      std::memcmp(this->data.data(), o.data.data(), this->data.size() * sizeof(float)) == 0;
+           std::memcmp(this->data.data(), o.data.data(), this->data.size() * sizeof(float)) == 0;
   }
 };
 
@@ -47,7 +58,10 @@ struct Image
 struct Random
 {
   std::uint32_t state;
-  explicit Random(std::uint32_t seed) : state(seed * 747796405u + 2891336453u) {}
+  explicit Random(std::uint32_t seed)
+    : state(seed * 747796405u + 2891336453u)
+  {
+  }
   float operator()()
   {
     this->state = this->state * 747796405u + 2891336453u;
@@ -107,7 +121,8 @@ struct Planes
     // Not-a-number everywhere: whatever nobody filled shows.
     memory.assign(guides.layout.size() * 22, NaN);
     float* next = memory.data();
-    const auto plane = [&](bool used) {
+    const auto plane = [&](bool used)
+    {
       float* p = used ? next : nullptr;
       next += used ? guides.layout.size() : 0;
       return p;
@@ -129,7 +144,8 @@ struct Planes
     quell::ClearPadding(guides.layout, out, e.y0, e.y1);
     if (momentImage || history)
     {
-      moments.mean = plane(bool(momentImage)), moments.central = plane(bool(momentImage)), moments.history = plane(true);
+      moments.mean = plane(bool(momentImage)), moments.central = plane(bool(momentImage)),
+      moments.history = plane(true);
       quell::CopyMoments(momentImage, history, guides.layout, in, moments, 4, e.y0, e.y1);
     }
     if (!out.variance)

@@ -22,7 +22,12 @@ struct Picture
   std::vector<float> data;
 
   Picture() = default;
-  Picture(const Rect& e, int c, float v = 0) : extent(e), components(c), data(std::size_t(e.area()) * c, v) {}
+  Picture(const Rect& e, int c, float v = 0)
+    : extent(e)
+    , components(c)
+    , data(std::size_t(e.area()) * c, v)
+  {
+  }
   ImageIn in() const { return { data.data(), components, extent }; }
   ImageOut out() { return { data.data(), components, extent }; }
   float* at(int x, int y) { return this->out().at(x, y); }
@@ -63,7 +68,7 @@ struct Camera
     Mat4 p;
     p.m[0][0] = focal / aspect;
     p.m[1][1] = focal;
-    p.m[2][2] = -1;  // a near plane of 0: its row is not needed
+    p.m[2][2] = -1; // a near plane of 0: its row is not needed
     p.m[2][3] = 0;
     p.m[3][2] = -1;
     p.m[3][3] = 0;
@@ -84,7 +89,8 @@ struct TwoFrames
   ReprojectInputs in;
   ReprojectParameters par;
 
-  explicit TwoFrames(int w, int h) : frame{ 0, 0, w, h }
+  explicit TwoFrames(int w, int h)
+    : frame{ 0, 0, w, h }
   {
     depth = previousDepth = Picture(frame, 1, 5);
     normal = Picture(frame, 3);
@@ -93,11 +99,13 @@ struct TwoFrames
     id = previousId = Picture(frame, 1, 1);
     motion = Picture(frame, 2);
     history = Picture(frame, 3);
-    history.fill([](int x, int y, float* v) {
-      v[0] = float(x);
-      v[1] = float(y);
-      v[2] = float(1 + (x * 7 + y * 13) % 11);
-    });
+    history.fill(
+      [](int x, int y, float* v)
+      {
+        v[0] = float(x);
+        v[1] = float(y);
+        v[2] = float(1 + (x * 7 + y * 13) % 11);
+      });
     moments = Picture(frame, 2, 1);
     length = Picture(frame, 1, 3);
     color = Picture(frame, 3, -7);
@@ -121,10 +129,12 @@ struct TwoFrames
   void run() { Reproject(in, par, { color.out(), outMoments.out(), outLength.out(), mask.out() }, frame); }
   void move(double x, double y)
   {
-    motion.fill([&](int, int, float* v) {
-      v[0] = float(x);
-      v[1] = float(y);
-    });
+    motion.fill(
+      [&](int, int, float* v)
+      {
+        v[0] = float(x);
+        v[1] = float(y);
+      });
   }
   int maskAt(int x, int y) { return int(*mask.at(x, y)); }
 };
@@ -175,14 +185,18 @@ TEST(Reproject, IdentityIsBitExact)
   TwoFrames s(9, 7);
   const float values[] = { 1e-42f, 0.1f, 1e30f, 3.14159274f, 0, -0.25f };
   int k = 0;
-  s.history.fill([&](int, int, float* v) {
-    for (int c = 0; c < 3; ++c)
-      v[c] = values[k++ % 6];
-  });
-  s.moments.fill([&](int, int, float* v) {
-    v[0] = values[k++ % 6];
-    v[1] = 0.3f;
-  });
+  s.history.fill(
+    [&](int, int, float* v)
+    {
+      for (int c = 0; c < 3; ++c)
+        v[c] = values[k++ % 6];
+    });
+  s.moments.fill(
+    [&](int, int, float* v)
+    {
+      v[0] = values[k++ % 6];
+      v[1] = 0.3f;
+    });
   s.length.fill([&](int x, int, float* v) { *v = 1 + x + 0.3f; });
   s.depth.fill([](int x, int y, float* v) { *v = 3 + 0.01f * x + 0.002f * y; });
   s.previousDepth = s.depth;
@@ -266,10 +280,12 @@ TEST(Reproject, FirstFrameSaysSo)
 TEST(Reproject, MixOfMomentsAddsTheSpreadOfMeans)
 {
   TwoFrames s(4, 4);
-  s.moments.fill([](int x, int y, float* v) {
-    v[0] = float(10 * x + y);
-    v[1] = float(1 + x * y);
-  });
+  s.moments.fill(
+    [](int x, int y, float* v)
+    {
+      v[0] = float(10 * x + y);
+      v[1] = float(1 + x * y);
+    });
   s.move(0.25, 0.5);
   s.connect();
   s.run();
@@ -294,7 +310,7 @@ TEST(Reproject, NonFiniteHistoryIsReplacedByItsNeighbours)
   s.connect();
   s.run();
   EXPECT_EQ(s.maskAt(4, 4), int(ReprojectMask::Neighbourhood));
-  EXPECT_EQ(s.color.at(4, 4)[0], 4);  // mean of the eight around it
+  EXPECT_EQ(s.color.at(4, 4)[0], 4); // mean of the eight around it
   EXPECT_EQ(s.color.at(4, 4)[1], 4);
   EXPECT_EQ(s.maskAt(2, 2), int(ReprojectMask::Neighbourhood));
   for (const Picture* p : { &s.color, &s.outMoments, &s.outLength })
@@ -308,7 +324,8 @@ TEST(Reproject, NonFiniteHistoryIsReplacedByItsNeighbours)
 
 TEST(Reproject, ReasonsAreReported)
 {
-  const auto reason = [](const std::function<void(TwoFrames&)>& spoil) {
+  const auto reason = [](const std::function<void(TwoFrames&)>& spoil)
+  {
     TwoFrames s(8, 8);
     spoil(s);
     s.connect();
@@ -330,13 +347,15 @@ TEST(Reproject, NormalThresholdIsACosine)
   for (double degrees : { 20., 25.8, 25.9, 40. })
   {
     TwoFrames s(5, 5);
-    s.par.normalThreshold = 0.9;  // 25.842 degrees
+    s.par.normalThreshold = 0.9; // 25.842 degrees
     const double a = degrees * 3.14159265358979 / 180;
-    s.previousNormal.fill([&](int, int, float* v) {
-      // Averages of normals are shorter than 1; only the angle counts.
-      v[0] = float(0.5 * std::sin(a));
-      v[2] = float(0.5 * std::cos(a));
-    });
+    s.previousNormal.fill(
+      [&](int, int, float* v)
+      {
+        // Averages of normals are shorter than 1; only the angle counts.
+        v[0] = float(0.5 * std::sin(a));
+        v[2] = float(0.5 * std::cos(a));
+      });
     s.connect();
     s.run();
     EXPECT_EQ(s.maskAt(2, 2) == 0, degrees < 25.842) << degrees;
@@ -345,7 +364,8 @@ TEST(Reproject, NormalThresholdIsACosine)
 
 TEST(Reproject, CameraSidewaysOverAWall)
 {
-  // A wall at depth 10 seen by a camera that moved by (0.3, -0.1): the image moves by focal * shift / depth half heights.
+  // A wall at depth 10 seen by a camera that moved by (0.3, -0.1): the image moves by focal * shift / depth half
+  // heights.
   TwoFrames s(32, 16);
   s.depth = s.previousDepth = Picture(s.frame, 1, 10);
   s.connect();
@@ -354,7 +374,7 @@ TEST(Reproject, CameraSidewaysOverAWall)
   s.in.current = now.view(s.frame);
   s.in.previous = then.view(s.frame);
   s.run();
-  const double dx = 2 * 0.3 / 10 * 8, dy = 2 * -0.1 / 10 * 8;  // half height = 8 pixels
+  const double dx = 2 * 0.3 / 10 * 8, dy = 2 * -0.1 / 10 * 8; // half height = 8 pixels
   for (int y = 2; y < 14; ++y)
     for (int x = 2; x < 30; ++x)
     {
@@ -373,10 +393,12 @@ TEST(Reproject, DepthIsExpectedInThePreviousCamera)
   const Camera now{ { 0, 0, 0 } }, then{ { 0, 0, 2 } };
   for (bool withMotion : { false, true })
   {
-    s.motion.fill([](int x, int y, float* v) {
-      v[0] = float((x - 15.5) * (10. / 12 - 1));
-      v[1] = float((y - 15.5) * (10. / 12 - 1));
-    });
+    s.motion.fill(
+      [](int x, int y, float* v)
+      {
+        v[0] = float((x - 15.5) * (10. / 12 - 1));
+        v[1] = float((y - 15.5) * (10. / 12 - 1));
+      });
     s.connect();
     if (!withMotion)
       s.in.motion = ImageIn();
@@ -464,22 +486,25 @@ Vec3d RayOf(const Camera& c, const Rect& f, double x, double y)
 void Trace(const TwoPlanes& scene, const Camera& c, const Rect& f, Picture& depth, Picture& id)
 {
   depth = id = Picture(f, 1);
-  depth.fill([&](int x, int y, float* v) {
-    const bool square = scene.hitsSquare(c.eye, RayOf(c, f, x, y));
-    *v = float(c.eye.z + (square ? 6 : 10));
-    *id.at(x, y) = square ? 2 : 1;
-  });
+  depth.fill(
+    [&](int x, int y, float* v)
+    {
+      const bool square = scene.hitsSquare(c.eye, RayOf(c, f, x, y));
+      *v = float(c.eye.z + (square ? 6 : 10));
+      *id.at(x, y) = square ? 2 : 1;
+    });
 }
 /// Checks every pixel whose 5 x 5 (now) and 3 x 3 (then) are of one surface against visibility by ray casting.
-void CheckDisocclusion(const TwoPlanes& before, const TwoPlanes& after, const Camera& then, const Camera& now,
-  bool withMotion, bool withIds)
+void CheckDisocclusion(
+  const TwoPlanes& before, const TwoPlanes& after, const Camera& then, const Camera& now, bool withMotion, bool withIds)
 {
   TwoFrames s(64, 64);
   Trace(before, then, s.frame, s.previousDepth, s.previousId);
   Trace(after, now, s.frame, s.depth, s.id);
   // History: the surface's id, so that a wrong surface shows.
   s.history.fill([&](int x, int y, float* v) { v[0] = v[1] = v[2] = *s.previousId.at(x, y); });
-  const auto pixelThen = [&](int x, int y, double& qx, double& qy) {
+  const auto pixelThen = [&](int x, int y, double& qx, double& qy)
+  {
     const Vec3d d = RayOf(now, s.frame, x, y);
     const double z = *s.depth.at(x, y);
     Vec3d p = now.eye + d * z;
@@ -488,12 +513,14 @@ void CheckDisocclusion(const TwoPlanes& before, const TwoPlanes& after, const Ca
     qx = (p.x - then.eye.x) / (then.eye.z - p.z) * then.focal * 32 + 31.5;
     qy = (p.y - then.eye.y) / (then.eye.z - p.z) * then.focal * 32 + 31.5;
   };
-  s.motion.fill([&](int x, int y, float* v) {
-    double qx, qy;
-    pixelThen(x, y, qx, qy);
-    v[0] = float(qx - x);
-    v[1] = float(qy - y);
-  });
+  s.motion.fill(
+    [&](int x, int y, float* v)
+    {
+      double qx, qy;
+      pixelThen(x, y, qx, qy);
+      v[0] = float(qx - x);
+      v[1] = float(qy - y);
+    });
   s.connect();
   s.in.current = now.view(s.frame);
   s.in.previous = then.view(s.frame);
@@ -574,7 +601,7 @@ TEST(Reproject, PointsBehindThePreviousCameraAreInvalid)
   s.connect();
   s.in.motion = ImageIn();
   s.in.current = Camera{ { 0, 0, 0 } }.view(s.frame);
-  s.in.previous = Camera{ { 0, 0, -8 } }.view(s.frame);  // beyond the surface at depth 5, looking on
+  s.in.previous = Camera{ { 0, 0, -8 } }.view(s.frame); // beyond the surface at depth 5, looking on
   s.run();
   EXPECT_EQ(s.mask.data, std::vector<float>(64, 5.f));
   EXPECT_EQ(s.outLength.data, std::vector<float>(64, 0.f));
@@ -609,7 +636,7 @@ TEST(Reproject, UnprojectInvertsProject)
   Mat4 parallel, toCamera = Camera{ { 1, 2, 30 }, 0.3 }.toCamera();
   parallel.m[0][0] = 0.1;
   parallel.m[1][1] = 0.15;
-  Mat4 shifted = Camera().toNdc(4. / 3);  // a lens shift far to the side
+  Mat4 shifted = Camera().toNdc(4. / 3); // a lens shift far to the side
   shifted.m[0][2] = -3;
   const ViewGeometry views[] = { Camera{ { 1, 2, 30 }, 0.3 }.view(f), { parallel * toCamera, toCamera },
     Camera{ { 1, 2, 30 }, 0.3 }.view(f, { 100, -50, 3 }), { shifted * toCamera, toCamera } };
@@ -655,10 +682,12 @@ TEST(Reproject, CatmullRomKeepsALineAndDoesNotOvershoot)
   EXPECT_FLOAT_EQ(s.color.at(7, 7)[0], 7.5f);
   EXPECT_FLOAT_EQ(s.color.at(7, 7)[1], 7.25f);
   // A one pixel wide line loses less than with the bilinear filter; a step does not ring.
-  s.history.fill([](int x, int, float* v) {
-    v[0] = x == 8 ? 1.f : 0.f;
-    v[1] = x >= 8 ? 1.f : 0.f;
-  });
+  s.history.fill(
+    [](int x, int, float* v)
+    {
+      v[0] = x == 8 ? 1.f : 0.f;
+      v[1] = x >= 8 ? 1.f : 0.f;
+    });
   s.run();
   EXPECT_NEAR(s.color.at(8, 7)[0], 9. / 16, 1e-6);
   for (int x = 2; x < 13; ++x)

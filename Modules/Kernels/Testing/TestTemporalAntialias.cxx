@@ -21,8 +21,12 @@ struct Taa
   AntialiasParameters par;
 
   Taa(int w, int h, float value)
-    : frame{ 0, 0, w, h }, color(3 * w * h, value), history(3 * w * h, value), motion(2 * w * h), depth(w * h, 1),
-      result(3 * w * h, -1)
+    : frame{ 0, 0, w, h }
+    , color(3 * w * h, value)
+    , history(3 * w * h, value)
+    , motion(2 * w * h)
+    , depth(w * h, 1)
+    , result(3 * w * h, -1)
   {
   }
   std::size_t index(int x, int y) const { return std::size_t(y) * frame.width() + x; }
@@ -43,8 +47,9 @@ struct Taa
   std::int64_t run(bool withHistory = true)
   {
     const ImageIn h = withHistory ? ImageIn(history.data(), 3, frame) : ImageIn();
-    return TemporalAntialias({ { color.data(), 3, frame }, { motion.data(), 2, frame }, { depth.data(), 1, frame }, h, frame },
-      par, { result.data(), 3, frame }, frame);
+    return TemporalAntialias(
+      { { color.data(), 3, frame }, { motion.data(), 2, frame }, { depth.data(), 1, frame }, h, frame }, par,
+      { result.data(), 3, frame }, frame);
   }
   float at(int x, int y, int c = 0) const { return result[3 * index(x, y) + c]; }
 };
@@ -150,7 +155,7 @@ TEST(TemporalAntialias, MotionOfTheNearestSurfaceIsUsed)
   t.run();
   EXPECT_NEAR(t.at(4, 4), 0.6f, 1e-6);
   EXPECT_NEAR(t.at(6, 5), 0.8f, 1e-6);
-  EXPECT_NEAR(t.at(3, 4), 0.3f, 1e-6);  // two pixels away
+  EXPECT_NEAR(t.at(3, 4), 0.3f, 1e-6); // two pixels away
   // Depth that is not finite is far.
   t.depth.assign(t.depth.size(), Inf);
   t.depth[t.index(4, 4)] = NaN;

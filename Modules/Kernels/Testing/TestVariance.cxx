@@ -89,10 +89,12 @@ TEST(Variance, OfMeanDividesByEffectiveFrames)
 {
   const Scene s(40, 30);
   const Result frame = Estimate(s.color.extent, s, true, true, Same);
-  const Result mean = Estimate(s.color.extent, s, true, true, [](quell::VariancePass& p) {
-    p.ofMean = true;
-    p.maximumSamples = 6;
-  });
+  const Result mean = Estimate(s.color.extent, s, true, true,
+    [](quell::VariancePass& p)
+    {
+      p.ofMean = true;
+      p.maximumSamples = 6;
+    });
   for (int i = 0; i < 1200; ++i)
     ASSERT_FLOAT_EQ(mean.variance.data[i], frame.variance.data[i] / std::min(6.f, std::max(1.f, s.history.data[i])));
 }
@@ -115,12 +117,14 @@ TEST(Variance, ConstantsAndExtremes)
   {
     Scene s(24, 20);
     s.color = Image(s.color.extent, 3, v);
-    ForEachTarget([&](const char* name) {
-      const Result r = Estimate(s.color.extent, s, false, false, Same);
-      EXPECT_TRUE(r.color == s.color) << v << " " << name;
-      for (float x : r.variance.data)
-        ASSERT_TRUE(std::isfinite(x) && x >= 0) << v << " " << name;
-    });
+    ForEachTarget(
+      [&](const char* name)
+      {
+        const Result r = Estimate(s.color.extent, s, false, false, Same);
+        EXPECT_TRUE(r.color == s.color) << v << " " << name;
+        for (float x : r.variance.data)
+          ASSERT_TRUE(std::isfinite(x) && x >= 0) << v << " " << name;
+      });
   }
   Scene s = Wall(16, 16);
   s.color = Image(s.color.extent, 3, 1.f);
@@ -167,13 +171,15 @@ TEST(Variance, ScalarAgreesWithEveryTarget)
       {
         const auto change = [&](quell::VariancePass& p) { p.sigmaNormal = sigmaNormal; };
         const Result scalar = Estimate(s.color.extent, s, temporal, ids, change, quell::VarianceRowScalar);
-        ForEachTarget([&](const char* name) {
-          const Result simd = Estimate(s.color.extent, s, temporal, ids, change);
-          // The rounding of the cosine is raised to the power 128.
-          EXPECT_LT(Compare(simd.color.data, scalar.color.data).relative, 1.5e-5) << name;
-          EXPECT_LT(Compare(simd.color.data, scalar.color.data).smape, 1e-6) << name;
-          EXPECT_LT(Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, 1e-4) << name;
-        });
+        ForEachTarget(
+          [&](const char* name)
+          {
+            const Result simd = Estimate(s.color.extent, s, temporal, ids, change);
+            // The rounding of the cosine is raised to the power 128.
+            EXPECT_LT(Compare(simd.color.data, scalar.color.data).relative, 1.5e-5) << name;
+            EXPECT_LT(Compare(simd.color.data, scalar.color.data).smape, 1e-6) << name;
+            EXPECT_LT(Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, 1e-4) << name;
+          });
       }
 }
 
@@ -183,8 +189,7 @@ TEST(Variance, BitsDoNotDependOnTheRegion)
   const Result full = Estimate(s.color.extent, s, true, true, Same);
   for (const quell::Rect want : { quell::Rect{ 30, 20, 41, 33 }, quell::Rect{ 63, 0, 70, 5 } })
   {
-    const Result crop =
-      Estimate(want.grown(quell::VariancePass::Radius).clipped(s.color.extent), s, true, true, Same);
+    const Result crop = Estimate(want.grown(quell::VariancePass::Radius).clipped(s.color.extent), s, true, true, Same);
     for (int y = want.y0; y < want.y1; ++y)
       for (int x = want.x0; x < want.x1; ++x)
       {

@@ -85,9 +85,9 @@ TEST(CompareImages, ReportsHowMuchBetterThanTheBaseline)
   Comparison c(image, reference, &noisy);
   EXPECT_EQ(c.report(), "beauty: relMSE 0.0099, 100 times lower than the noisy input's 0.99");
   c.stage->SetMetrics("MSE PSNR-linear SSIM");
-  EXPECT_EQ(c.report(),
-    "beauty: MSE 0.01, 100 times lower than the noisy input's 1; PSNR-linear 200.00 dB, 0.00 dB above the noisy input's "
-    "200.00 dB; SSIM 1, above the noisy input's 0.992");
+  EXPECT_EQ(c.report(), "beauty: MSE 0.01, 100 times lower than the noisy input's 1; PSNR-linear 200.00 dB, 0.00 dB "
+                        "above the noisy input's "
+                        "200.00 dB; SSIM 1, above the noisy input's 0.992");
   Comparison worse(noisy, reference, &image);
   EXPECT_EQ(worse.report(), "beauty: relMSE 0.99, 100 times higher than the noisy input's 0.0099");
   Comparison alone(image, reference);
@@ -169,5 +169,5 @@ TEST(CompareImages, ComparesTheRegionOnly)
   EXPECT_EQ(c.stage->GetReport(), "beauty: relMSE 0");
   const int corner[6] = { 0, 9, 0, 9, 0, 0 };
   c.stage->UpdateExtent(corner);
-  EXPECT_EQ(c.stage->GetReport(), "beauty: relMSE 32.3");  // 99^2 / 1.01 / 3 / 100
+  EXPECT_EQ(c.stage->GetReport(), "beauty: relMSE 32.3"); // 99^2 / 1.01 / 3 / 100
 }

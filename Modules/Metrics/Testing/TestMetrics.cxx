@@ -21,10 +21,14 @@ struct Picture
   int w, h, c;
   std::vector<float> data;
   Picture(int width, int height, int channels, float v = 0)
-    : w(width), h(height), c(channels), data(std::size_t(width) * height * channels, v)
+    : w(width)
+    , h(height)
+    , c(channels)
+    , data(std::size_t(width) * height * channels, v)
   {
   }
-  explicit Picture(const std::function<void(int, int, float*)>& f) : Picture(W, H, 3)
+  explicit Picture(const std::function<void(int, int, float*)>& f)
+    : Picture(W, H, 3)
   {
     for (int y = 0; y < H; ++y)
       for (int x = 0; x < W; ++x)
@@ -40,29 +44,35 @@ Picture Gray(float v)
 }
 Picture Color(float r, float g, float b)
 {
-  return Picture([=](int, int, float* p) {
-    p[0] = r;
-    p[1] = g;
-    p[2] = b;
-  });
+  return Picture(
+    [=](int, int, float* p)
+    {
+      p[0] = r;
+      p[1] = g;
+      p[2] = b;
+    });
 }
 Picture Gradient(bool flipped)
 {
-  return Picture([=](int x, int y, float* p) {
-    const double u = (x + 0.5) / W;
-    p[0] = float(flipped ? 1 - u : u);
-    p[1] = float((y + 0.5) / H);
-    p[2] = 0.25f;
-  });
+  return Picture(
+    [=](int x, int y, float* p)
+    {
+      const double u = (x + 0.5) / W;
+      p[0] = float(flipped ? 1 - u : u);
+      p[1] = float((y + 0.5) / H);
+      p[2] = 0.25f;
+    });
 }
 Picture Ramp(double scale)
 {
-  return Picture([=](int x, int y, float* p) {
-    const double u = (x + 0.5) / W, v = (y + 0.5) / H;
-    p[0] = float(scale * 8 * u * u);
-    p[1] = float(scale * 4 * v);
-    p[2] = float(scale * (0.1 + 2 * u * v));
-  });
+  return Picture(
+    [=](int x, int y, float* p)
+    {
+      const double u = (x + 0.5) / W, v = (y + 0.5) / H;
+      p[0] = float(scale * 8 * u * u);
+      p[1] = float(scale * 4 * v);
+      p[2] = float(scale * (0.1 + 2 * u * v));
+    });
 }
 Picture WithPixel(Picture p, float v)
 {
@@ -100,7 +110,8 @@ TEST(Metrics, GoldenScalars)
   } rows[] = {
     { Gradient(true), Gradient(false), .111083984, 2.96282589, 25.0563878, .165016502, 15.573875, .847620538, 9.543486,
       .645072386 },
-    { Ramp(1.2), Ramp(1), .249126929, .0364124741, .0378255872, .089190054, 31.787501, .998698107, 24.544383, .941705254 },
+    { Ramp(1.2), Ramp(1), .249126929, .0364124741, .0378255872, .089190054, 31.787501, .998698107, 24.544383,
+      .941705254 },
     { WithPixel(Ramp(1), 100), Ramp(1), 3.15366725, 3.2242198, 3.20354002, .000315427498, 47.409625, .990925792,
       48.013074, .997128218 },
   };
@@ -128,7 +139,7 @@ TEST(Metrics, TrimmedRelMseForgetsAFirefly)
   Picture four = Gray(1), reference = Gray(1);
   for (int i = 0; i < 4; ++i)
     four.data[300 * i] = 11 + float(i);
-  const double one = 100 / 1.01 / 3;  // the smallest of the four: (11 - 1)^2
+  const double one = 100 / 1.01 / 3; // the smallest of the four: (11 - 1)^2
   EXPECT_NEAR(ComputeMetric("relMSE@0.1%", four.in(), reference.in()), one / (3072 - 3), 1e-9);
   EXPECT_GT(ComputeMetric("relMSE", four.in(), reference.in()), 4 * one / 3072);
 }
@@ -174,7 +185,8 @@ TEST(Metrics, EqualImagesAreBest)
   {
     const double v = ComputeMetric(name, Ramp(1).in(), Ramp(1).in());
     EXPECT_NEAR(v, name.compare(0, 4, "PSNR") == 0 ? 200. : name.compare(0, 4, "SSIM") == 0 ? 1. : 0., 1e-12) << name;
-    const double worse = ComputeMetric(name, Ramp(1.5).in(), Ramp(1).in()), bad = ComputeMetric(name, Ramp(3).in(), Ramp(1).in());
+    const double worse = ComputeMetric(name, Ramp(1.5).in(), Ramp(1).in()),
+                 bad = ComputeMetric(name, Ramp(3).in(), Ramp(1).in());
     EXPECT_TRUE(HigherIsBetter(name) ? v > worse && worse > bad : v < worse && worse < bad) << name;
   }
 }
@@ -199,7 +211,12 @@ TEST(Metrics, ErrorMapAveragesToTheMetric)
     EXPECT_NEAR(sum / (W * H), metric, 1e-6 * metric) << name;
   }
   EXPECT_NEAR(PixelOf("SSIM", Ramp(1), Ramp(1), 0, 0), 0, 1e-6);
-  EXPECT_NE(ErrorOf([] { Picture small(3, 3, 1); ComputeErrorMap("MSE", Gray(0).in(), Gray(0).in(), small.out()); }),
+  EXPECT_NE(ErrorOf(
+              []
+              {
+                Picture small(3, 3, 1);
+                ComputeErrorMap("MSE", Gray(0).in(), Gray(0).in(), small.out());
+              }),
     "no error");
 }
 
@@ -228,7 +245,8 @@ TEST(Metrics, MistakesAreExplained)
   {
     EXPECT_EQ(ErrorOf([&] { ComputeMetric(name, nan.in(), Ramp(1).in()); }),
       "the image has 2 non-finite pixels, the first at column 7, row 5 from the bottom");
-    EXPECT_NE(ErrorOf([&] { ComputeMetric(name, Ramp(1).in(), nan.in()); }).find("the reference has 2"), std::string::npos);
+    EXPECT_NE(
+      ErrorOf([&] { ComputeMetric(name, Ramp(1).in(), nan.in()); }).find("the reference has 2"), std::string::npos);
     EXPECT_EQ(ErrorOf([&] { ComputeMetric(name, Picture(4, 3, 3).in(), Ramp(1).in()); }),
       "the image is 4 x 3, the reference 64 x 48");
   }
@@ -238,8 +256,9 @@ TEST(Metrics, MistakesAreExplained)
   EXPECT_EQ(ComputeMetric("MSE", Picture(1, 1, 3, 2).in(), Picture(1, 1, 3, 3).in()), 1);
   const Picture gray(20, 20, 1);
   EXPECT_EQ(ErrorOf([&] { ComputeMetric("FLIP", gray.in(), gray.in()); }), "FLIP needs 3 channels, the image has 1");
-  EXPECT_EQ(ErrorOf([&] { ComputeMetric("relMES", gray.in(), gray.in()); }),
-    "unknown metric \"relMES\"; did you mean relMSE?");
-  EXPECT_NE(ErrorOf([&] { ComputeMetric("beauty contest", gray.in(), gray.in()); }).find("there are MSE"), std::string::npos);
+  EXPECT_EQ(
+    ErrorOf([&] { ComputeMetric("relMES", gray.in(), gray.in()); }), "unknown metric \"relMES\"; did you mean relMSE?");
+  EXPECT_NE(
+    ErrorOf([&] { ComputeMetric("beauty contest", gray.in(), gray.in()); }).find("there are MSE"), std::string::npos);
   EXPECT_NE(ErrorOf([&] { ComputeMetric("MSE", ImageIn(), ImageIn()); }).find("empty"), std::string::npos);
 }

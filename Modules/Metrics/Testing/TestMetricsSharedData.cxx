@@ -19,7 +19,7 @@ const std::string Shared = QUELL_SHARED_DATA;
 struct Picture
 {
   int w = 0, h = 0;
-  std::vector<float> data;  // 3 channels
+  std::vector<float> data; // 3 channels
   ImageIn in() const { return { data.data(), 3, { 0, 0, w, h } }; }
   ImageIn channel(int c, std::vector<float>& store) const
   {
@@ -84,13 +84,15 @@ TEST(MetricsSharedData, FlipOfNvidia)
     ASSERT_GE(row.size(), 14u);
     // The large pair takes a minute and tells nothing new.
     if (row[0].find("cornell_64spp") != std::string::npos || row[1].find("spp2.") != std::string::npos ||
-      row[1].find("spp8.") != std::string::npos)
+        row[1].find("spp8.") != std::string::npos)
       continue;
     Picture reference, test;
     ASSERT_TRUE(Load(row[0], reference)) << row[0];
     ASSERT_TRUE(Load(row[1], test)) << row[1];
-    EXPECT_NEAR(ComputeMetric("MSE", test.in(), reference.in()), std::stod(row[11]), 1e-5 * std::stod(row[11])) << row[1];
-    EXPECT_NEAR(ComputeMetric("relMSE", test.in(), reference.in()), std::stod(row[12]), 1e-5 * std::stod(row[12])) << row[1];
+    EXPECT_NEAR(ComputeMetric("MSE", test.in(), reference.in()), std::stod(row[11]), 1e-5 * std::stod(row[11]))
+      << row[1];
+    EXPECT_NEAR(ComputeMetric("relMSE", test.in(), reference.in()), std::stod(row[12]), 1e-5 * std::stod(row[12]))
+      << row[1];
     const bool png = row[0].find(".png") != std::string::npos;
     if (png)
     {
@@ -112,7 +114,7 @@ TEST(MetricsSharedData, SsimOfRomigrou)
   for (const auto& row : rows)
   {
     if (row[1].find("_00.") == std::string::npos && row[1].find("_50.") == std::string::npos &&
-      row[1].find("_100.") == std::string::npos)
+        row[1].find("_100.") == std::string::npos)
       continue;
     Picture reference, test;
     ASSERT_TRUE(Load("metrics/" + row[0], reference));
@@ -121,8 +123,8 @@ TEST(MetricsSharedData, SsimOfRomigrou)
     {
       // Their borders repeat the outermost pixels, as our map does.
       std::vector<float> a, b, map(std::size_t(test.w) * test.h);
-      ComputeErrorMap("SSIM-linear", test.channel(c, a), reference.channel(c, b),
-        ImageOut(map.data(), 1, { 0, 0, test.w, test.h }));
+      ComputeErrorMap(
+        "SSIM-linear", test.channel(c, a), reference.channel(c, b), ImageOut(map.data(), 1, { 0, 0, test.w, test.h }));
       double sum = 0;
       for (float v : map)
         sum += 1 - double(v);

@@ -25,10 +25,10 @@ struct Log
   {
     std::string Name;
     quell::Rect Region;
-    std::map<std::string, std::vector<float>> Layers;  ///< layer -> pixels of Region, row by row
+    std::map<std::string, std::vector<float>> Layers; ///< layer -> pixels of Region, row by row
   };
   std::vector<File> Files;
-  std::vector<std::pair<int, quell::ArraySet>> SourceRuns;  ///< tick, arrays wanted
+  std::vector<std::pair<int, quell::ArraySet>> SourceRuns; ///< tick, arrays wanted
   int FailAtTick = -1;
   int CancelAtTick = -1;
   std::shared_ptr<quell::CancelToken> Token;
@@ -43,7 +43,7 @@ inline Log& TheLog()
 inline float SourceValue(int tick, const std::string& array, int seed, int x, int y, int c)
 {
   std::uint32_t h = std::uint32_t(tick) * 2654435761u + std::uint32_t(seed) * 40503u + std::uint32_t(array[0]) * 977u +
-    std::uint32_t(x) * 73856093u + std::uint32_t(y) * 19349663u + std::uint32_t(c) * 83492791u;
+                    std::uint32_t(x) * 73856093u + std::uint32_t(y) * 19349663u + std::uint32_t(c) * 83492791u;
   h ^= h >> 15;
   h *= 2246822519u;
   h ^= h >> 13;
@@ -61,7 +61,11 @@ public:
   vtkSetClampMacro(Seed, int, 0, 1000000);
   vtkGetMacro(Seed, int);
   const std::string& GetScene() const { return this->Scene; }
-  void SetScene(const std::string& s) { this->Scene = s; this->Modified(); }
+  void SetScene(const std::string& s)
+  {
+    this->Scene = s;
+    this->Modified();
+  }
 
 protected:
   vtkQuellTestSource() { this->InitializePorts(); }
@@ -226,7 +230,11 @@ class vtkQuellTestReader : public vtkQuellStage
 public:
   QUELL_STAGE(vtkQuellTestReader);
   const std::string& GetFile() const { return this->File; }
-  void SetFile(const std::string& s) { this->File = s; this->Modified(); }
+  void SetFile(const std::string& s)
+  {
+    this->File = s;
+    this->Modified();
+  }
   std::vector<quell::OutputArray> ListDynamicOutputs() override
   {
     if (this->File.empty())
@@ -254,7 +262,11 @@ class vtkQuellImageWriter : public vtkQuellStage
 public:
   QUELL_STAGE(vtkQuellImageWriter);
   const std::string& GetFile() const { return this->File; }
-  void SetFile(const std::string& s) { this->File = s; this->Modified(); }
+  void SetFile(const std::string& s)
+  {
+    this->File = s;
+    this->Modified();
+  }
   std::vector<std::string> GetFilesWritten() const override { return { this->Written }; }
   bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override
@@ -303,9 +315,17 @@ class vtkQuellDisplayTransform : public vtkQuellStage
 public:
   QUELL_STAGE(vtkQuellDisplayTransform);
   const std::string& GetView() const { return this->View; }
-  void SetView(const std::string& s) { this->View = s; this->Modified(); }
+  void SetView(const std::string& s)
+  {
+    this->View = s;
+    this->Modified();
+  }
   const std::string& GetDisplay() const { return this->Display; }
-  void SetDisplay(const std::string& s) { this->Display = s; this->Modified(); }
+  void SetDisplay(const std::string& s)
+  {
+    this->Display = s;
+    this->Modified();
+  }
 
 protected:
   vtkQuellDisplayTransform() { this->InitializePorts(); }
@@ -331,16 +351,10 @@ inline vtkStandardNewMacro(vtkQuellTestSum);
 inline vtkStandardNewMacro(vtkQuellTestReader);
 inline vtkStandardNewMacro(vtkQuellImageWriter);
 inline vtkStandardNewMacro(vtkQuellDisplayTransform);
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSource)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestBox)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestAccumulate)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestMix)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSum)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellTestReader)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellImageWriter)
-inline QUELL_STAGE_DESCRIPTION(vtkQuellDisplayTransform)
+inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSource) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestBox) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestAccumulate) inline QUELL_STAGE_DESCRIPTION(
+  vtkQuellTestMix) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSum) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestReader) inline QUELL_STAGE_DESCRIPTION(vtkQuellImageWriter) inline QUELL_STAGE_DESCRIPTION(vtkQuellDisplayTransform)
 
-inline void vtkQuellTestSource::Describe(quell::StageDescription& d)
+  inline void vtkQuellTestSource::Describe(quell::StageDescription& d)
 {
   using Self = vtkQuellTestSource;
   using quell::ArrayKind;
@@ -428,7 +442,8 @@ inline void vtkQuellDisplayTransform::Describe(quell::StageDescription& d)
 
 inline const quell::StageRegistry& Registry()
 {
-  static const quell::StageRegistry registry = [] {
+  static const quell::StageRegistry registry = []
+  {
     quell::StageRegistry r;
     r.Add<vtkQuellTestSource>();
     r.Add<vtkQuellTestBox>();

@@ -15,8 +15,7 @@ namespace
 std::shared_ptr<Graph> Load(const std::string& body, const GraphOptions& options = {})
 {
   Diagnostics messages;
-  const auto document =
-    ReadPipelineText("<pipeline version=\"1\">" + body + "</pipeline>", "t.xml", messages);
+  const auto document = ReadPipelineText("<pipeline version=\"1\">" + body + "</pipeline>", "t.xml", messages);
   auto graph = BuildGraph(document, pipelinetest::Registry(), options, messages);
   EXPECT_FALSE(messages.HasErrors()) << messages.ToText();
   return graph;
@@ -56,7 +55,8 @@ std::vector<float> Crop(const pipelinetest::Log::File& file, const std::string& 
   for (int y = r.y0; y < r.y1; ++y)
     for (int x = r.x0; x < r.x1; ++x)
       for (int c = 0; c < components; ++c)
-        out.push_back(all[std::size_t(((y - file.Region.y0) * file.Region.width() + x - file.Region.x0) * components + c)]);
+        out.push_back(
+          all[std::size_t(((y - file.Region.y0) * file.Region.width() + x - file.Region.x0) * components + c)]);
   return out;
 }
 }
@@ -111,7 +111,7 @@ TEST_F(Demand, TheRegionGrowsByTheHalo)
   EXPECT_EQ(CountersOf(executor, "pt").Pixels, 20 * 16);
 
   executor.ResetCounters();
-  executor.SetRegion(DisplayRegion{ 0, 0, 4, 4 });  // the halo is clipped at the frame's corner
+  executor.SetRegion(DisplayRegion{ 0, 0, 4, 4 }); // the halo is clipped at the frame's corner
   ASSERT_TRUE(executor.RunTick(0).Ok);
   EXPECT_EQ(CountersOf(executor, "b1").Pixels, 7 * 7);
   EXPECT_EQ(CountersOf(executor, "pt").Pixels, 9 * 9);
@@ -211,7 +211,7 @@ TEST_F(Demand, AFileWithoutNumberIsWrittenForTheLastFrameOnly)
   ASSERT_TRUE(executor.RunTick(1, TickMode::Frame).Ok);
   ASSERT_TRUE(executor.RunTick(2, TickMode::LastFrame).Ok);
   ASSERT_EQ(TheLog().Files.size(), 4u);
-  EXPECT_EQ(TheLog().SourceRuns[0].second, (ArraySet{ "radiance" }));  // depth is not traced for nothing
+  EXPECT_EQ(TheLog().SourceRuns[0].second, (ArraySet{ "radiance" })); // depth is not traced for nothing
   EXPECT_EQ(TheLog().SourceRuns[2].second, (ArraySet{ "depth", "radiance" }));
 }
 
@@ -237,7 +237,8 @@ TEST_F(Demand, TemplatesAreSeparateNodes)
       <input port="radiance" from="a:out"/><input port="radiance" from="b"/><input port="radiance" from="a/one/box:radiance"/>
     </node>
     <output name="beauty" from="sum" file="s.exr"/>)xml",
-    [] {
+    []
+    {
       GraphOptions o;
       o.Properties = { { "b/box.Radius", "3" } };
       return o;
@@ -265,7 +266,7 @@ TEST_F(History, RerunningATickReadsTheSamePast)
   ASSERT_TRUE(executor.SetProperty("blur", "Gain", "1", error));
   ASSERT_TRUE(executor.RunTick(2).Ok);
   EXPECT_EQ(TheLog().Files.back().Layers.at("radiance"), before);
-  EXPECT_EQ(CountersOf(executor, "pt").Executions, 3);  // a slider downstream does not trace again
+  EXPECT_EQ(CountersOf(executor, "pt").Executions, 3); // a slider downstream does not trace again
 }
 
 TEST_F(History, AJumpHasNoPast)
@@ -273,11 +274,14 @@ TEST_F(History, AJumpHasNoPast)
   PipelineExecutor executor(Load(Temporal), pipelinetest::Registry());
   executor.Request("acc", { "history" });
   ASSERT_TRUE(executor.RunTick(0).Ok);
-  EXPECT_EQ(*static_cast<float*>(executor.GetImage("acc")->GetPointData()->GetArray("history")->GetVoidPointer(0)), 0.f);
+  EXPECT_EQ(
+    *static_cast<float*>(executor.GetImage("acc")->GetPointData()->GetArray("history")->GetVoidPointer(0)), 0.f);
   ASSERT_TRUE(executor.RunTick(1).Ok);
-  EXPECT_EQ(*static_cast<float*>(executor.GetImage("acc")->GetPointData()->GetArray("history")->GetVoidPointer(0)), 1.f);
+  EXPECT_EQ(
+    *static_cast<float*>(executor.GetImage("acc")->GetPointData()->GetArray("history")->GetVoidPointer(0)), 1.f);
   ASSERT_TRUE(executor.RunTick(5).Ok);
-  EXPECT_EQ(*static_cast<float*>(executor.GetImage("acc")->GetPointData()->GetArray("history")->GetVoidPointer(0)), 0.f);
+  EXPECT_EQ(
+    *static_cast<float*>(executor.GetImage("acc")->GetPointData()->GetArray("history")->GetVoidPointer(0)), 0.f);
 }
 
 TEST_F(History, StepsBackWithinThreeTicks)
@@ -389,32 +393,32 @@ TEST_F(Explain, ThePlanIsWhatRuns)
     EXPECT_EQ(double(counters.Bytes), n.Bytes) << n.Path;
   }
   EXPECT_EQ(plan.Nodes.front().Makes, (std::vector<std::string>{ "radiance" }));
-  EXPECT_EQ(PlanText(plan),
-    "t.xml: frame 0, 40 x 24 pixels\n"
-    "outputs:\n"
-    "  beauty = blur:radiance -> b.####.exr\n"
-    "  n = pt:normal (no file: not written)\n"
-    "plan:\n"
-    "  pt (TestSource) region 0,0,40,24\n"
-    "    makes radiance (11.5 kB)\n"
-    "    not made, nobody reads it: albedo, normal, depth\n"
-    "  acc (TestAccumulate) region 0,0,40,24\n"
-    "    radiance <- pt:radiance\n"
-    "    history <- blur:radiance of the previous frame\n"
-    "    makes radiance (11.5 kB)\n"
-    "    not made, nobody reads it: history\n"
-    "  blur (TestBox) region 0,0,40,24\n"
-    "    set: Radius=2\n"
-    "    radiance <- acc:radiance, halo 2\n"
-    "    makes radiance (11.5 kB)\n"
-    "    keeps radiance for the next frame: runs on the whole frame\n"
-    "    not made, nobody reads it: mask\n"
-    "  beauty:write (ImageWriter) region 4,4,12,9\n"
-    "    set: File=b.####.exr\n"
-    "    layer <- blur:radiance\n"
-    "cost of a frame: 4 stages, 2920 stage pixels, 34.6 kB of arrays\n"
-    "memory: 46.1 kB of arrays with what is kept of the frame before\n");
-  EXPECT_NE(PlanDot(plan).find("\"blur\" -> \"acc\" [label=\"radiance\", style=dashed, constraint=false];"), std::string::npos);
+  EXPECT_EQ(PlanText(plan), "t.xml: frame 0, 40 x 24 pixels\n"
+                            "outputs:\n"
+                            "  beauty = blur:radiance -> b.####.exr\n"
+                            "  n = pt:normal (no file: not written)\n"
+                            "plan:\n"
+                            "  pt (TestSource) region 0,0,40,24\n"
+                            "    makes radiance (11.5 kB)\n"
+                            "    not made, nobody reads it: albedo, normal, depth\n"
+                            "  acc (TestAccumulate) region 0,0,40,24\n"
+                            "    radiance <- pt:radiance\n"
+                            "    history <- blur:radiance of the previous frame\n"
+                            "    makes radiance (11.5 kB)\n"
+                            "    not made, nobody reads it: history\n"
+                            "  blur (TestBox) region 0,0,40,24\n"
+                            "    set: Radius=2\n"
+                            "    radiance <- acc:radiance, halo 2\n"
+                            "    makes radiance (11.5 kB)\n"
+                            "    keeps radiance for the next frame: runs on the whole frame\n"
+                            "    not made, nobody reads it: mask\n"
+                            "  beauty:write (ImageWriter) region 4,4,12,9\n"
+                            "    set: File=b.####.exr\n"
+                            "    layer <- blur:radiance\n"
+                            "cost of a frame: 4 stages, 2920 stage pixels, 34.6 kB of arrays\n"
+                            "memory: 46.1 kB of arrays with what is kept of the frame before\n");
+  EXPECT_NE(
+    PlanDot(plan).find("\"blur\" -> \"acc\" [label=\"radiance\", style=dashed, constraint=false];"), std::string::npos);
 }
 
 TEST_F(Explain, ARegionOutsideTheFrameIsRefused)

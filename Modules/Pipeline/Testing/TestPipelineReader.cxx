@@ -89,19 +89,21 @@ TEST(XmlDocument, PlacesOfElementsAndAttributes)
 {
   XmlElement root;
   Diagnostics messages;
-  ASSERT_TRUE(ParseXml("<?xml version=\"1.0\"?>\n<a  x='1'\n   y = \"2>3\"><b\xC3\xA4 z=\"&lt;\"/>\n  <c/></a>", "f", root, messages));
+  ASSERT_TRUE(ParseXml(
+    "<?xml version=\"1.0\"?>\n<a  x='1'\n   y = \"2>3\"><b\xC3\xA4 z=\"&lt;\"/>\n  <c/></a>", "f", root, messages));
   EXPECT_EQ(root.Place.ToText(), "f:2:1");
   EXPECT_EQ(root.Attributes.at(0).Place.ToText(), "f:2:5");
   EXPECT_EQ(root.Attributes.at(1).Place.ToText(), "f:3:4");
   EXPECT_EQ(root.Attributes.at(1).Value, "2>3");
   EXPECT_EQ(root.Children.at(0).Place.ToText(), "f:3:14");
-  EXPECT_EQ(root.Children.at(0).Attributes.at(0).Place.ToText(), "f:3:18");  // columns are characters, not bytes
+  EXPECT_EQ(root.Children.at(0).Attributes.at(0).Place.ToText(), "f:3:18"); // columns are characters, not bytes
   EXPECT_EQ(root.Children.at(1).Place.ToText(), "f:4:3");
 }
 
 TEST(XmlDocument, BoundsAndRefusals)
 {
-  const auto error = [](const std::string& text, const XmlLimits& limits = XmlLimits()) {
+  const auto error = [](const std::string& text, const XmlLimits& limits = XmlLimits())
+  {
     XmlElement root;
     Diagnostics messages;
     EXPECT_FALSE(ParseXml(text, "f", root, messages, limits));
@@ -113,8 +115,9 @@ TEST(XmlDocument, BoundsAndRefusals)
   EXPECT_EQ(error("<a x='1' x='2'/>"), "f:1:10: error: not well-formed XML: duplicate attribute\n");
   EXPECT_EQ(error("<a/><b/>"), "f:1:5: error: not well-formed XML: junk after document element\n");
   EXPECT_EQ(error("<a>&nbsp;</a>"), "f:1:4: error: not well-formed XML: undefined entity\n");
-  const std::string doctype = "error: document type declarations are not allowed; pipelines need no DTD and no entities; use "
-                              "<variable> and <include>\n";
+  const std::string doctype =
+    "error: document type declarations are not allowed; pipelines need no DTD and no entities; use "
+    "<variable> and <include>\n";
   EXPECT_EQ(error("<!DOCTYPE a [<!ENTITY e \"x\">]><a>&e;</a>"), "f:1:1: " + doctype);
   EXPECT_EQ(error("<!DOCTYPE a SYSTEM \"file:///etc/passwd\"><a/>"), "f:1:1: " + doctype);
   std::string deep;
@@ -240,9 +243,8 @@ TEST_F(Paths, AreSeenFromTheFileThatSaysThem)
   auto graph = LoadPipeline(main, pipelinetest::Registry(), options, messages);
   ASSERT_TRUE(graph) << messages.ToText();
   EXPECT_EQ(messages.ToText(), "");
-  const auto scene = [&](const char* node) {
-    return graph->Nodes[std::size_t(graph->Find(node))].Stage->GetPropertyText("Scene");
-  };
+  const auto scene = [&](const char* node)
+  { return graph->Nodes[std::size_t(graph->Find(node))].Stage->GetPropertyText("Scene"); };
   EXPECT_EQ(scene("a"), this->Directory + "/scenes/room.gltf");
   EXPECT_EQ(scene("b"), this->Directory + "/lib/scenes/other.gltf");
   EXPECT_EQ(scene("c"), this->Directory + "/scenes/room.gltf");
@@ -252,7 +254,8 @@ TEST_F(Paths, AreSeenFromTheFileThatSaysThem)
   // From the command line: the working directory's.
   options.Defines = { { "scene", "scenes/room.gltf" } };
   EXPECT_EQ(LoadPipeline(main, pipelinetest::Registry(), options, messages), nullptr);
-  EXPECT_EQ(messages.ToText(), main + ":4:59: error: node \"a\" (TestSource): Scene = \"scenes/room.gltf\": no such file\n");
+  EXPECT_EQ(
+    messages.ToText(), main + ":4:59: error: node \"a\" (TestSource): Scene = \"scenes/room.gltf\": no such file\n");
   const fs::path before = fs::current_path();
   fs::current_path(this->Directory);
   Diagnostics fresh;
@@ -264,18 +267,23 @@ TEST_F(Paths, AreSeenFromTheFileThatSaysThem)
 
 TEST_F(Includes, LoopsAreFoundAndLibrariesAreReadOnce)
 {
-  this->Write("c.xml", "<pipeline version=\"1\"><template name=\"t\"><port name=\"out\" from=\"x\"/></template></pipeline>");
+  this->Write(
+    "c.xml", "<pipeline version=\"1\"><template name=\"t\"><port name=\"out\" from=\"x\"/></template></pipeline>");
   this->Write("a.xml", "<pipeline version=\"1\"><include file=\"b.xml\"/></pipeline>");
-  this->Write("b.xml", "<pipeline version=\"1\"><include file=\"a.xml\"/><node id=\"n\" type=\"TestSource\"/></pipeline>");
+  this->Write(
+    "b.xml", "<pipeline version=\"1\"><include file=\"a.xml\"/><node id=\"n\" type=\"TestSource\"/></pipeline>");
   Diagnostics messages;
   LoadPipeline(this->Directory + "/a.xml", pipelinetest::Registry(), {}, messages);
   EXPECT_EQ(messages.ToText(),
     this->Directory + "/b.xml:1:32: error: include \"a.xml\": the file includes itself: a.xml -> b.xml -> a.xml\n" +
-      this->Directory + "/b.xml:1:46: error: <node> \"n\": an included file may hold includes, variables and templates only\n");
-  this->Write("twice.xml", "<pipeline version=\"1\">\n<include file=\"c.xml\"/><include file=\"./c.xml\"/><include file=\"no.xml\"/></pipeline>");
+      this->Directory +
+      "/b.xml:1:46: error: <node> \"n\": an included file may hold includes, variables and templates only\n");
+  this->Write("twice.xml", "<pipeline version=\"1\">\n<include file=\"c.xml\"/><include file=\"./c.xml\"/><include "
+                           "file=\"no.xml\"/></pipeline>");
   Diagnostics more;
   LoadPipeline(this->Directory + "/twice.xml", pipelinetest::Registry(), {}, more);
-  EXPECT_EQ(more.ToText(), this->Directory + "/twice.xml:2:58: error: include \"no.xml\": no such file: " + this->Directory + "/no.xml\n");
+  EXPECT_EQ(more.ToText(),
+    this->Directory + "/twice.xml:2:58: error: include \"no.xml\": no such file: " + this->Directory + "/no.xml\n");
 }
 
 TEST_F(Files, TheSchemaAcceptsPipelinesAndRefusesOthers)
@@ -283,14 +291,16 @@ TEST_F(Files, TheSchemaAcceptsPipelinesAndRefusesOthers)
   if (std::system("xmllint --version > /dev/null 2>&1") != 0)
     GTEST_SKIP() << "no xmllint";
   const std::string schema = this->Write("p.xsd", PipelineXsd(pipelinetest::Registry()));
-  const auto validates = [&](const std::string& text) {
+  const auto validates = [&](const std::string& text)
+  {
     const std::string file = this->Write("p.xml", text);
     return std::system(("xmllint --noout --schema " + schema + " " + file + " > /dev/null 2>&1").c_str()) == 0;
   };
   EXPECT_TRUE(validates(Everything));
   EXPECT_TRUE(validates("<pipeline version=\"1\"><node id=\"a\" type=\"$(t)\"/></pipeline>"));
   EXPECT_FALSE(validates("<pipeline version=\"1\"><node id=\"a\" type=\"TestBoxx\"/></pipeline>"));
-  EXPECT_FALSE(validates("<pipeline version=\"1\"><node id=\"a\" type=\"TestBox\"><property name=\"Radios\" value=\"1\"/></node></pipeline>"));
+  EXPECT_FALSE(validates("<pipeline version=\"1\"><node id=\"a\" type=\"TestBox\"><property name=\"Radios\" "
+                         "value=\"1\"/></node></pipeline>"));
   EXPECT_FALSE(validates("<pipeline><node id=\"a\" type=\"TestBox\"/></pipeline>"));
   EXPECT_FALSE(validates("<pipeline version=\"1\"><nodes/></pipeline>"));
 }
@@ -308,10 +318,11 @@ TEST(StageReference, Markdown)
 TEST(PipelineReader, SurvivesMutations)
 {
   const std::string seed = Everything;
-  const std::vector<std::string> pieces = { "\"", "<", ">", "/", "$(", ")", "@in", "a:out", "pt:", ":", "delay=\"1\"", "&amp;", "&",
-    "<!--", "-->", "<![CDATA[", "]]>", std::string("\0x", 2), "\xFF", "999999999999999999999", "-1", "1e309", "nan", "$(spp)", "a/box:radiance",
-    "<instance id=\"q\" template=\"soft\">", "<node id=\"q\" type=\"TestSum\">", "template=\"soft\"", "from=\"box:radiance\"",
-    "<include file=\"t.xml\"/>", "\n", " ", "####", "../", "name=\"spp\"" };
+  const std::vector<std::string> pieces = { "\"", "<", ">", "/", "$(", ")", "@in", "a:out", "pt:", ":", "delay=\"1\"",
+    "&amp;", "&", "<!--", "-->", "<![CDATA[", "]]>", std::string("\0x", 2), "\xFF", "999999999999999999999", "-1",
+    "1e309", "nan", "$(spp)", "a/box:radiance", "<instance id=\"q\" template=\"soft\">",
+    "<node id=\"q\" type=\"TestSum\">", "template=\"soft\"", "from=\"box:radiance\"", "<include file=\"t.xml\"/>", "\n",
+    " ", "####", "../", "name=\"spp\"" };
   std::mt19937 random(20240607);
   const auto below = [&random](std::size_t n) { return std::size_t(random() % std::uint32_t(n ? n : 1)); };
   int good = 0, bad = 0;
@@ -324,12 +335,24 @@ TEST(PipelineReader, SurvivesMutations)
       const std::size_t at = below(text.size()), length = std::min(text.size() - at, below(12));
       switch (below(6))
       {
-        case 0: text[at] = char(random() & 0xFF); break;
-        case 1: text.erase(at, length); break;
-        case 2: text.insert(at, pieces[below(pieces.size())]); break;
-        case 3: text.replace(at, length, pieces[below(pieces.size())]); break;
-        case 4: text.insert(at, text.substr(below(text.size()), below(200))); break;
-        default: text.resize(below(10) ? text.size() : at); break;
+        case 0:
+          text[at] = char(random() & 0xFF);
+          break;
+        case 1:
+          text.erase(at, length);
+          break;
+        case 2:
+          text.insert(at, pieces[below(pieces.size())]);
+          break;
+        case 3:
+          text.replace(at, length, pieces[below(pieces.size())]);
+          break;
+        case 4:
+          text.insert(at, text.substr(below(text.size()), below(200)));
+          break;
+        default:
+          text.resize(below(10) ? text.size() : at);
+          break;
       }
     }
     Diagnostics messages;

@@ -159,7 +159,7 @@ TEST_F(Provenance, TheTextAloneMakesTheSameGraphFromElsewhere)
   GraphOptions plain;
   plain.OutputDirectory = "elsewhere";
   const auto again = BuildGraph(document, pipelinetest::Registry(), plain, none);
-  EXPECT_EQ(none.ToText(), "") << text;  // not even a warning
+  EXPECT_EQ(none.ToText(), "") << text; // not even a warning
 
   EXPECT_EQ(again->Ticks.Count, 12);
   int compared = 0;
@@ -179,7 +179,8 @@ TEST_F(Provenance, TheTextAloneMakesTheSameGraphFromElsewhere)
     for (std::size_t i = 0; i < n.Inputs.size(); ++i)
     {
       EXPECT_EQ(other.Inputs[i].Array, n.Inputs[i].Array);
-      EXPECT_EQ(again->Nodes[std::size_t(other.Inputs[i].Producer)].Path, graph->Nodes[std::size_t(n.Inputs[i].Producer)].Path);
+      EXPECT_EQ(
+        again->Nodes[std::size_t(other.Inputs[i].Producer)].Path, graph->Nodes[std::size_t(n.Inputs[i].Producer)].Path);
     }
   }
   EXPECT_EQ(again->Nodes.size(), graph->Nodes.size());
@@ -212,7 +213,8 @@ TEST_F(Provenance, PropertiesOfOutputsReachWriterAndView)
 
   GraphOptions options;
   options.Properties = { { "shown:view.Display", "P3" }, { "shown:write.File", "t.png" } };
-  const auto graph = Load("<node id=\"pt\" type=\"TestSource\"/><output name=\"shown\" from=\"pt\" file=\"s.png\" view=\"plain\"/>", options);
+  const auto graph = Load(
+    "<node id=\"pt\" type=\"TestSource\"/><output name=\"shown\" from=\"pt\" file=\"s.png\" view=\"plain\"/>", options);
   Diagnostics none;
   const std::string text = WritePipelineText(*SelfContained(*graph, pipelinetest::Registry(), none));
   const auto again = BuildGraph(ReadPipelineText(text, "t.exr", none), pipelinetest::Registry(), {}, none);
@@ -238,10 +240,11 @@ TEST_F(Provenance, ContentHashDependsOnEveryByteAndNotOnThePieces)
     seen.insert(HashHex(other));
     seen.insert(HashHex(bytes.substr(0, i)));
   }
-  EXPECT_EQ(seen.size(), 3 + 2 * bytes.size() - 1);  // "" twice
+  EXPECT_EQ(seen.size(), 3 + 2 * bytes.size() - 1); // "" twice
 
   const std::string scene = this->Write("s.gltf", "one");
-  const auto graph = Load("<node id=\"pt\" type=\"TestSource\"><property name=\"Scene\" value=\"" + scene + "\"/></node>");
+  const auto graph =
+    Load("<node id=\"pt\" type=\"TestSource\"><property name=\"Scene\" value=\"" + scene + "\"/></node>");
   const auto before = InputHashes(*graph);
   ASSERT_EQ(before.size(), 1u);
   EXPECT_EQ(before.begin()->first, scene);
@@ -323,7 +326,8 @@ TEST_F(Checkpoints, TheDifferenceIsNamed)
 {
   PipelineExecutor executor(Load(Temporal), pipelinetest::Registry());
   const RunIdentity id = IdentityOf(executor, {}, 0, "1");
-  const auto difference = [&id](const GraphOptions& options, const std::string& body = Temporal) {
+  const auto difference = [&id](const GraphOptions& options, const std::string& body = Temporal)
+  {
     PipelineExecutor other(Load(body, options), pipelinetest::Registry());
     return DifferenceOf(id, IdentityOf(other, {}, 0, "1"));
   };
@@ -339,9 +343,10 @@ TEST_F(Checkpoints, TheDifferenceIsNamed)
   EXPECT_NE(difference(options).find("node \"pt:depth:write\": "), std::string::npos) << difference(options);
   std::string body = Temporal;
   body.replace(body.find("blur:radiance\" delay"), 13, "acc:radiance");
-  EXPECT_EQ(difference({}, body),
-    "node \"acc\": input \"history\" was blur:radiance of the previous frame and is acc:radiance of the previous frame");
-  EXPECT_EQ(DifferenceOf(id, IdentityOf(executor, DisplayRegion{ 0, 0, 2, 2 }, 0, "1")), "--region: was the whole frame and is 0,0,2,2");
+  EXPECT_EQ(difference({}, body), "node \"acc\": input \"history\" was blur:radiance of the previous frame and is "
+                                  "acc:radiance of the previous frame");
+  EXPECT_EQ(DifferenceOf(id, IdentityOf(executor, DisplayRegion{ 0, 0, 2, 2 }, 0, "1")),
+    "--region: was the whole frame and is 0,0,2,2");
   EXPECT_EQ(DifferenceOf(id, IdentityOf(executor, {}, 3, "1")), "the first frame computed: was 0 and is 3");
   EXPECT_EQ(DifferenceOf(id, IdentityOf(executor, {}, 0, "2")), "the program: version was 1 and is 2");
 }
@@ -379,7 +384,8 @@ TEST_F(Checkpoints, DamagedFilesAreErrors)
   ASSERT_GT(good.size(), 1000u);
   EXPECT_NO_THROW(ReadCheckpoint(file));
 
-  const auto refused = [&](const std::string& bytes) {
+  const auto refused = [&](const std::string& bytes)
+  {
     this->Write("c", bytes);
     try
     {
@@ -410,17 +416,20 @@ TEST_F(Checkpoints, DamagedFilesAreErrors)
   EXPECT_THROW(ReadCheckpoint(file), StageError);
   fs::create_directories(file);
   EXPECT_THROW(ReadCheckpoint(file), StageError);
-  EXPECT_THROW(WriteCheckpoint(file, c), StageError);  // a folder is in the way
+  EXPECT_THROW(WriteCheckpoint(file, c), StageError); // a folder is in the way
 }
 
 TEST_F(Checkpoints, LiesBesideTheOutputs)
 {
-  PipelineExecutor executor(Load(Temporal, [] {
-    GraphOptions o;
-    o.Outputs = { { "beauty", "out/b.####.exr" } };
-    o.OutputDirectory = "dir";
-    return o;
-  }()), pipelinetest::Registry());
+  PipelineExecutor executor(Load(Temporal,
+                              []
+                              {
+                                GraphOptions o;
+                                o.Outputs = { { "beauty", "out/b.####.exr" } };
+                                o.OutputDirectory = "dir";
+                                return o;
+                              }()),
+    pipelinetest::Registry());
   EXPECT_EQ(CheckpointPath(executor), "dir/out/t.checkpoint");
 }
 
@@ -435,8 +444,8 @@ std::string Loops(int chained, double alpha, int count)
   {
     const std::string id = "m" + std::to_string(i);
     body += "<node id=\"" + id + "\" type=\"TestMix\"><property name=\"Alpha\" value=\"" + std::to_string(alpha) +
-      "\"/><input port=\"radiance\" from=\"m" + std::to_string(i - 1) + "\"/><input port=\"history\" from=\"" + id +
-      "\" delay=\"1\"/></node>";
+            "\"/><input port=\"radiance\" from=\"m" + std::to_string(i - 1) + "\"/><input port=\"history\" from=\"" +
+            id + "\" delay=\"1\"/></node>";
   }
   return body + "<output name=\"o\" from=\"m" + std::to_string(chained) + "\" file=\"o.####.exr\"/>";
 }
@@ -470,8 +479,8 @@ TEST_F(WarmUp, OneLoopForgetsGeometrically)
   const double difference = Difference(body, 30, plan);
   EXPECT_LE(difference, plan.RestWeight + 1e-6);
   EXPECT_GE(difference, plan.RestWeight / 4);
-  EXPECT_EQ(HistoryText(plan),
-    "history: 9 frames before are computed and not written; those before them would have had a weight of at most 0.00098");
+  EXPECT_EQ(HistoryText(plan), "history: 9 frames before are computed and not written; those before them would have "
+                               "had a weight of at most 0.00098");
   // Too few frames before: all of them, and nothing is missing.
   EXPECT_EQ(PlanHistory(executor, 7).Frames, 7);
   EXPECT_EQ(PlanHistory(executor, 7).RestWeight, 0);

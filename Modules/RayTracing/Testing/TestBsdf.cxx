@@ -98,8 +98,10 @@ TEST(Bsdf, GgxDirectionalAlbedoTable)
   const float alpha[] = { .1f, .25f, .5f, .75f, 1 };
   const float mu[] = { .05f, .1f, .2f, .4f, .6f, .8f, 1 };
   const double e[5][7] = { { .91176, .88346, .90456, .95690, .97668, .98457, .98832 },
-    { .93313, .89162, .84816, .84427, .87172, .89727, .91581 }, { .91255, .86011, .78993, .71636, .68784, .68205, .68785 },
-    { .88061, .81071, .71553, .60192, .53515, .49232, .46392 }, { .84777, .76021, .64165, .49890, .41150, .35126, .30685 } };
+    { .93313, .89162, .84816, .84427, .87172, .89727, .91581 },
+    { .91255, .86011, .78993, .71636, .68784, .68205, .68785 },
+    { .88061, .81071, .71553, .60192, .53515, .49232, .46392 },
+    { .84777, .76021, .64165, .49890, .41150, .35126, .30685 } };
   for (int i = 0; i < 5; ++i)
     for (int j = 0; j < 7; ++j)
       EXPECT_NEAR(Reflectance(White(std::sqrt(alpha[i]), 1, 0), mu[j], 1 << 14), e[i][j], 1e-3)
@@ -204,7 +206,8 @@ TEST(LightSampler, PdfMatchesTheSampler)
     for (int b = 0; b < np * sub; ++b)
     {
       const float z = 2 * (a + .5f) / (nz * sub) - 1, r = std::sqrt(1 - z * z), p = 2 * Pi * (b + .5f) / (np * sub);
-      const double q = lights.SkyPdf(Vec3f(r * std::cos(p), z, r * std::sin(p))) * 4 * Pi / (double(nz * sub) * np * sub);
+      const double q =
+        lights.SkyPdf(Vec3f(r * std::cos(p), z, r * std::sin(p))) * 4 * Pi / (double(nz * sub) * np * sub);
       expected[a / sub * np + b / sub] += q * draws;
       total += q;
     }
@@ -218,7 +221,8 @@ TEST(LightSampler, PdfMatchesTheSampler)
           std::min(uniform(twister), .9999999f), s))
       continue;
     const float phi = std::atan2(s.Wi.z, s.Wi.x) / (2 * Pi);
-    ++counted[std::min(nz - 1, int((s.Wi.y + 1) / 2 * nz)) * np + std::min(np - 1, int((phi < 0 ? phi + 1 : phi) * np))];
+    ++counted[std::min(nz - 1, int((s.Wi.y + 1) / 2 * nz)) * np +
+              std::min(np - 1, int((phi < 0 ? phi + 1 : phi) * np))];
   }
   double chi2 = 0;
   int cells = 0;

@@ -13,13 +13,13 @@ namespace
 {
 struct Estimate
 {
-  double Mean = 0, Error = 0;  ///< of one channel, and its standard error
+  double Mean = 0, Error = 0; ///< of one channel, and its standard error
   TraceCounters Counters;
 };
 
 /// The middle pixel of an image of one pixel.
-Estimate Render(const SceneBuilder& b, int bounces, int samples, Integrator::Strategy strategy = Integrator::Strategy::Mis,
-  int roulette = 1000, std::uint64_t seed = 0)
+Estimate Render(const SceneBuilder& b, int bounces, int samples,
+  Integrator::Strategy strategy = Integrator::Strategy::Mis, int roulette = 1000, std::uint64_t seed = 0)
 {
   EmbreeScene scene(b.Scene);
   scene.SetTime(0, 0);

@@ -57,7 +57,8 @@ std::shared_ptr<Scene> Room(bool moving = false)
   return b.Scene;
 }
 
-void Configure(vtkQuellPathTraceSource* s, std::shared_ptr<const Scene> scene, int width = 40, int height = 32, int spp = 2)
+void Configure(
+  vtkQuellPathTraceSource* s, std::shared_ptr<const Scene> scene, int width = 40, int height = 32, int spp = 2)
 {
   s->SetScene(scene);
   s->SetWidth(width);
@@ -161,7 +162,9 @@ TEST(PathTraceSource, RegionIsTheCropBitForBit)
     ASSERT_TRUE(w && p) << name;
     const int n = w->GetNumberOfComponents();
     for (int y = 5; y <= 21; ++y)
-      ASSERT_EQ(0, std::memcmp(w->GetPointer((y * 40 + 7) * n), p->GetPointer((y - 5) * 22 * n), sizeof(float) * 22 * n)) << name;
+      ASSERT_EQ(
+        0, std::memcmp(w->GetPointer((y * 40 + 7) * n), p->GetPointer((y - 5) * 22 * n), sizeof(float) * 22 * n))
+        << name;
   }
 }
 
@@ -169,12 +172,14 @@ TEST(PathTraceSource, ThreadsChangeNoBit)
 {
   std::vector<float> images[2];
   for (int t = 0; t < 2; ++t)
-    vtkSMPTools::LocalScope(vtkSMPTools::Config{ t + 1 }, [&]() {
-      vtkNew<vtkQuellPathTraceSource> s;
-      Configure(s, Room());
-      s->Update();
-      images[t] = Copy(s, "radiance");
-    });
+    vtkSMPTools::LocalScope(vtkSMPTools::Config{ t + 1 },
+      [&]()
+      {
+        vtkNew<vtkQuellPathTraceSource> s;
+        Configure(s, Room());
+        s->Update();
+        images[t] = Copy(s, "radiance");
+      });
   EXPECT_FALSE(images[0].empty());
   EXPECT_EQ(images[0], images[1]);
 }
@@ -222,7 +227,8 @@ TEST(PathTraceSource, WhatWasTracedIsKept)
 
 TEST(PathTraceSource, UnreadArraysTraceNoBounces)
 {
-  const auto rays = [](ArraySet wanted) {
+  const auto rays = [](ArraySet wanted)
+  {
     vtkNew<vtkQuellPathTraceSource> s;
     Configure(s, Room());
     Ask(s, wanted);
@@ -232,7 +238,7 @@ TEST(PathTraceSource, UnreadArraysTraceNoBounces)
   EXPECT_EQ(rays({ "samples" }), 0);
   const double guides = rays({ "albedo", "normal" }), emission = rays({ "emission" }), direct = rays({ "direct" }),
                full = rays({ "radiance" });
-  EXPECT_GT(guides, 1);  // through the mirror
+  EXPECT_GT(guides, 1); // through the mirror
   EXPECT_LT(guides, 1.5);
   EXPECT_LT(emission, 1.5);
   EXPECT_LT(direct, 3.6);
@@ -291,7 +297,8 @@ TEST(PathTraceSource, FactsProjectPositionsToTheirPixels)
       double p[3], c[4];
       Array(s, "position")->GetTuple(y * 41 + x, p);
       for (int i = 0; i < 4; ++i)
-        c[i] = f.WorldToNdc.m[i][0] * p[0] + f.WorldToNdc.m[i][1] * p[1] + f.WorldToNdc.m[i][2] * p[2] + f.WorldToNdc.m[i][3];
+        c[i] = f.WorldToNdc.m[i][0] * p[0] + f.WorldToNdc.m[i][1] * p[1] + f.WorldToNdc.m[i][2] * p[2] +
+               f.WorldToNdc.m[i][3];
       ASSERT_NEAR((c[0] / c[3] + 1) / 2 * 41, x + .5, 1e-4);
       ASSERT_NEAR((c[1] / c[3] + 1) / 2 * 31, y + .5, 1e-4);
       ASSERT_NEAR(c[3], depth, 1e-5 * depth);
@@ -314,10 +321,12 @@ TEST(PathTraceSource, MotionFollowsCameraAndObjects)
   EXPECT_EQ(now.Tick, 4);
   EXPECT_NEAR(now.Time, .4, 1e-12);
   int counts[2] = {};
-  const auto pixel = [](const FrameFacts& f, const Vec3d& p) {
+  const auto pixel = [](const FrameFacts& f, const Vec3d& p)
+  {
     double c[4];
     for (int i = 0; i < 4; ++i)
-      c[i] = f.WorldToNdc.m[i][0] * p.x + f.WorldToNdc.m[i][1] * p.y + f.WorldToNdc.m[i][2] * p.z + f.WorldToNdc.m[i][3];
+      c[i] =
+        f.WorldToNdc.m[i][0] * p.x + f.WorldToNdc.m[i][1] * p.y + f.WorldToNdc.m[i][2] * p.z + f.WorldToNdc.m[i][3];
     return Vec2<double>{ (c[0] / c[3] + 1) * 32, (c[1] / c[3] + 1) * 24 };
   };
   for (int k = 0; k < 64 * 48; ++k)
@@ -346,7 +355,8 @@ TEST(PathTraceSource, MotionFollowsCameraAndObjects)
 TEST(PathTraceSource, ExtremesStayFinite)
 {
   vtkNew<vtkQuellPathTraceSource> s;
-  const auto check = [&](std::shared_ptr<Scene> scene, int w, int h, const char* what) {
+  const auto check = [&](std::shared_ptr<Scene> scene, int w, int h, const char* what)
+  {
     Configure(s, scene, w, h, 4);
     s->SetAlwaysMake({ "radiance", "albedo", "normal", "variance", "position" });
     s->Update();
@@ -389,13 +399,15 @@ TEST(PathTraceSource, ExtremesStayFinite)
 
 TEST(PathTraceSource, StudioSkyLightsWhatHasNoLight)
 {
-  const auto mean = [](const std::vector<float>& values) {
+  const auto mean = [](const std::vector<float>& values)
+  {
     double sum = 0;
     for (float v : values)
       sum += v;
     return sum / double(values.size());
   };
-  const auto warned = [](vtkQuellPathTraceSource* s, const char* text) {
+  const auto warned = [](vtkQuellPathTraceSource* s, const char* text)
+  {
     for (const std::string& warning : s->GetWarnings())
       if (warning.find(text) != std::string::npos)
         return true;

@@ -21,7 +21,7 @@ namespace
 struct Image
 {
   int Width = 0, Height = 0;
-  std::vector<float> Pixels;  ///< RGB, row 0 at the bottom
+  std::vector<float> Pixels; ///< RGB, row 0 at the bottom
 };
 
 bool Read(const std::string& file, Image& image)
@@ -55,8 +55,10 @@ struct Comparison
   double MeanRatio[3] = {}, Worst = 0;
 };
 
-/// Means of 16 x 16 blocks; a block is bad when it is further off than 5 standard errors and `relative` of the reference.
-Comparison Compare(const std::shared_ptr<const Scene>& scene, const Image& reference, int spp, int bounces, double relative)
+/// Means of 16 x 16 blocks; a block is bad when it is further off than 5 standard errors and `relative` of the
+/// reference.
+Comparison Compare(
+  const std::shared_ptr<const Scene>& scene, const Image& reference, int spp, int bounces, double relative)
 {
   vtkNew<vtkQuellPathTraceSource> s;
   s->SetScene(scene);
@@ -136,11 +138,32 @@ void Radiometric(const char* name, const char* image, int spp, double relative)
 }
 }
 
-TEST(References, DiffuseRoom) { Room("diffuse", 24, .005, 0, .01); }
+TEST(References, DiffuseRoom)
+{
+  Room("diffuse", 24, .005, 0, .01);
+}
 // Cycles interpolates its metal's Fresnel differently: blocks on the metal box and in its light may differ by per cents
-TEST(References, GlossyRoom) { Room("glossy", 24, .02, 10, .015); }
-TEST(References, EmissivePlane) { Radiometric("emissive-plane", "ref-emissive-plane-4096.exr", 4, .005); }
-TEST(References, PointLight) { Radiometric("point", "ref-point-4096.exr", 4, .005); }
-TEST(References, PlaneUnderSky) { Radiometric("plane-d6", "ref-plane-d6-4096.exr", 4, .005); }
-TEST(References, PlaneEmissionOnly) { Radiometric("plane-d1", "ref-plane-d1-4096.exr", 4, .005); }
-TEST(References, CornellEmissionOnly) { Radiometric("cbox-d1", "ref-cbox-d1-4096.exr", 4, .005); }
+TEST(References, GlossyRoom)
+{
+  Room("glossy", 24, .02, 10, .015);
+}
+TEST(References, EmissivePlane)
+{
+  Radiometric("emissive-plane", "ref-emissive-plane-4096.exr", 4, .005);
+}
+TEST(References, PointLight)
+{
+  Radiometric("point", "ref-point-4096.exr", 4, .005);
+}
+TEST(References, PlaneUnderSky)
+{
+  Radiometric("plane-d6", "ref-plane-d6-4096.exr", 4, .005);
+}
+TEST(References, PlaneEmissionOnly)
+{
+  Radiometric("plane-d1", "ref-plane-d1-4096.exr", 4, .005);
+}
+TEST(References, CornellEmissionOnly)
+{
+  Radiometric("cbox-d1", "ref-cbox-d1-4096.exr", 4, .005);
+}

@@ -70,8 +70,8 @@ TEST(Sampler, PairsAreNets)
 
 TEST(Sampler, HaltonGolden)
 {
-  const double g[8][2] = { { 0, -.166667 }, { -.25, .166667 }, { .25, -.388889 }, { -.375, -.055556 }, { .125, .277778 },
-    { -.125, -.277778 }, { .375, .055556 }, { -.4375, .388889 } };
+  const double g[8][2] = { { 0, -.166667 }, { -.25, .166667 }, { .25, -.388889 }, { -.375, -.055556 },
+    { .125, .277778 }, { -.125, -.277778 }, { .375, .055556 }, { -.4375, .388889 } };
   for (std::uint32_t i = 0; i < 8; ++i)
   {
     EXPECT_NEAR(HaltonOffset(i + 1).x, g[i][0], 1e-6);
@@ -81,7 +81,8 @@ TEST(Sampler, HaltonGolden)
 
 TEST(Sampler, NeighboursSeedsAndFramesAreUncorrelated)
 {
-  const auto correlation = [](const PixelSampler& a, const PixelSampler& b) {
+  const auto correlation = [](const PixelSampler& a, const PixelSampler& b)
+  {
     double sum = 0;
     for (std::uint32_t p = 0; p < 512; ++p)
     {

@@ -34,8 +34,8 @@ TEST(Animation, LinearTranslationHoldsItsEnds)
 
 TEST(Animation, LinearRotationIsSlerpAlongTheShorterArc)
 {
-  const double s = std::sin(Pi / 3), c = std::cos(Pi / 3);  // 120 degrees about y
-  for (const double sign : { 1., -1. })                       // q and -q are the same rotation
+  const double s = std::sin(Pi / 3), c = std::cos(Pi / 3); // 120 degrees about y
+  for (const double sign : { 1., -1. })                    // q and -q are the same rotation
   {
     Gltf g;
     g.Animate("rotation", "LINEAR", { 0, 1 }, { 0, 0, 0, 1, 0, F(sign * s), 0, F(sign * c) }, 4);
@@ -43,7 +43,7 @@ TEST(Animation, LinearRotationIsSlerpAlongTheShorterArc)
     for (const double t : { 0., 0.1, 0.25, 0.5, 0.9, 1. })
     {
       const Mat4 m = scene->WorldMatrices(t)[0];
-      const double angle = t * 2 * Pi / 3;  // constant speed: a blend of matrices or quaternions would lag
+      const double angle = t * 2 * Pi / 3; // constant speed: a blend of matrices or quaternions would lag
       EXPECT_NEAR(m.m[0][0], std::cos(angle), 1e-6) << t;
       EXPECT_NEAR(m.m[0][2], std::sin(angle), 1e-6) << t;
       EXPECT_NEAR(m.m[2][0], -std::sin(angle), 1e-6) << t;
@@ -68,8 +68,7 @@ TEST(Animation, CubicSplineIsHermiteWithTangentsPerSecond)
 {
   Gltf g;
   // Keys at 1 and 3: (in tangent, value, out tangent) each.
-  g.Animate("translation", "CUBICSPLINE", { 1, 3 },
-    { 9, 9, 9, 0, 1, 2, 1, 0, -1, -1, 2, 0, 4, 1, 2, 7, 7, 7 }, 3);
+  g.Animate("translation", "CUBICSPLINE", { 1, 3 }, { 9, 9, 9, 0, 1, 2, 1, 0, -1, -1, 2, 0, 4, 1, 2, 7, 7, 7 }, 3);
   const auto scene = LoadOnce(g.WriteGltf());
   const double value[2][3] = { { 0, 1, 2 }, { 4, 1, 2 } }, out[3] = { 1, 0, -1 }, in[3] = { -1, 2, 0 };
   for (const double time : { 0., 1., 1.5, 2., 2.7, 3., 4. })
@@ -79,7 +78,7 @@ TEST(Animation, CubicSplineIsHermiteWithTangentsPerSecond)
     for (int i = 0; i < 3; ++i)
     {
       const double expected = (2 * t * t * t - 3 * t * t + 1) * value[0][i] + 2 * (t * t * t - 2 * t * t + t) * out[i] +
-        (3 * t * t - 2 * t * t * t) * value[1][i] + 2 * (t * t * t - t * t) * in[i];
+                              (3 * t * t - 2 * t * t * t) * value[1][i] + 2 * (t * t * t - t * t) * in[i];
       EXPECT_NEAR(m.m[i][3], expected, 1e-12) << time << " " << i;
     }
   }
@@ -90,10 +89,11 @@ TEST(Animation, CubicSplineRotationIsNormalized)
 {
   Gltf g;
   const float h = F(std::sqrt(0.5));
-  g.Animate("rotation", "CUBICSPLINE", { 0, 1 }, { 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, h, 0, h, 0, 0, 0, 0 }, 4);
+  g.Animate(
+    "rotation", "CUBICSPLINE", { 0, 1 }, { 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, h, 0, h, 0, 0, 0, 0 }, 4);
   const Mat4 m = LoadOnce(g.WriteGltf())->WorldMatrices(0.5)[0];
   EXPECT_NEAR(m.Determinant3(), 1, 1e-12);
-  EXPECT_NEAR(m.m[0][0], std::cos(Pi / 4), 1e-6);  // halfway by symmetry
+  EXPECT_NEAR(m.m[0][0], std::cos(Pi / 4), 1e-6); // halfway by symmetry
   EXPECT_NEAR(m.m[0][2], std::sin(Pi / 4), 1e-6);
 }
 
@@ -105,7 +105,7 @@ TEST(Animation, HierarchyMatrixAndMirror)
   const auto scene = LoadOnce(g.WriteGltf());
   EXPECT_FALSE(scene->Animated());
   const Mat4 world = scene->WorldMatrices(0)[1];
-  const Vec3d p = world.Point({ 1, 0, 0 });  // matrix (column-major): (1, 0, 0) -> (1, 3, 3); then mirrored and moved
+  const Vec3d p = world.Point({ 1, 0, 0 }); // matrix (column-major): (1, 0, 0) -> (1, 3, 3); then mirrored and moved
   EXPECT_NEAR(p.x, 9, 1e-12);
   EXPECT_NEAR(p.y, 3, 1e-12);
   EXPECT_NEAR(p.z, 3, 1e-12);

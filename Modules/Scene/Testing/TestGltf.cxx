@@ -58,13 +58,14 @@ TEST(Gltf, SparseAccessorReplacesValues)
   const std::vector<std::uint16_t> where{ 2 };
   const std::vector<float> what{ 7, 8, 9 };
   const int indices = g.View(where.data(), 2), values = g.View(what.data(), 12);
-  g.Doc["accessors"][0]["sparse"] = { { "count", 1 }, { "indices", { { "bufferView", indices }, { "componentType", 5123 } } },
+  g.Doc["accessors"][0]["sparse"] = { { "count", 1 },
+    { "indices", { { "bufferView", indices }, { "componentType", 5123 } } },
     { "values", { { "bufferView", values } } } };
   const auto scene = LoadOnce(g.WriteGltf());
   EXPECT_EQ(scene->Meshes[0].Positions[1], Vec3f(1, 0, 0));
   EXPECT_EQ(scene->Meshes[0].Positions[2], Vec3f(7, 8, 9));
 
-  g.Doc["accessors"][0].erase("bufferView");  // zeros below
+  g.Doc["accessors"][0].erase("bufferView"); // zeros below
   const auto zeros = LoadOnce(g.WriteGltf());
   EXPECT_EQ(zeros->Meshes[0].Positions[1], Vec3f(0, 0, 0));
   EXPECT_EQ(zeros->Meshes[0].Positions[2], Vec3f(7, 8, 9));
@@ -72,8 +73,8 @@ TEST(Gltf, SparseAccessorReplacesValues)
   Gltf bad;
   const std::vector<std::uint16_t> beyond{ 3 };
   const int i = bad.View(beyond.data(), 2), v = bad.View(what.data(), 12);
-  bad.Doc["accessors"][0]["sparse"] = { { "count", 1 }, { "indices", { { "bufferView", i }, { "componentType", 5123 } } },
-    { "values", { { "bufferView", v } } } };
+  bad.Doc["accessors"][0]["sparse"] = { { "count", 1 },
+    { "indices", { { "bufferView", i }, { "componentType", 5123 } } }, { "values", { { "bufferView", v } } } };
   const std::string file = bad.WriteGltf();
   ExpectError(ErrorOf(file), file, "accessors[0].sparse.indices", "sparse index 3 lies outside", "export");
 }
@@ -94,13 +95,14 @@ TEST(Gltf, StridesAndNormalizedIntegers)
   }
   const int view = g.View(data.data(), data.size());
   g.Doc["bufferViews"][std::size_t(view)]["byteStride"] = 20;
-  const auto add = [&](int offset, int type, const char* kind, bool normalized) {
+  const auto add = [&](int offset, int type, const char* kind, bool normalized)
+  {
     g.Doc["accessors"].push_back({ { "bufferView", view }, { "byteOffset", offset }, { "componentType", type },
       { "type", kind }, { "count", 3 }, { "normalized", normalized } });
     return int(g.Doc["accessors"].size()) - 1;
   };
-  g.Primitive()["attributes"] = { { "POSITION", add(0, 5126, "VEC3", false) }, { "COLOR_0", add(12, 5121, "VEC4", true) },
-    { "TEXCOORD_0", add(16, 5123, "VEC2", true) } };
+  g.Primitive()["attributes"] = { { "POSITION", add(0, 5126, "VEC3", false) },
+    { "COLOR_0", add(12, 5121, "VEC4", true) }, { "TEXCOORD_0", add(16, 5123, "VEC2", true) } };
   const auto scene = LoadOnce(g.WriteGltf());
   const Mesh& m = scene->Meshes[0];
   EXPECT_EQ(m.Positions[1], Vec3f(1, 1, 0));
@@ -116,14 +118,18 @@ TEST(Gltf, StridesAndNormalizedIntegers)
 TEST(Gltf, MaterialAndExtensions)
 {
   Gltf g;
-  g.Doc["materials"] = { { { "name", "m" }, { "emissiveFactor", { 1, 0.5, 0 } }, { "doubleSided", true }, { "alphaMode", "MASK" },
-    { "alphaCutoff", 0.25 },
-    { "pbrMetallicRoughness", { { "baseColorFactor", { 0.1, 0.2, 0.3, 0.4 } }, { "metallicFactor", 0.5 }, { "roughnessFactor", 0.6 } } },
-    { "extensions", { { "KHR_materials_emissive_strength", { { "emissiveStrength", 10 } } },
-      { "KHR_materials_specular", { { "specularFactor", 0.25 }, { "specularColorFactor", { 1, 2, 3 } } } },
-      { "KHR_materials_ior", { { "ior", 1.33 } } }, { "KHR_materials_transmission", { { "transmissionFactor", 0.75 } } },
-      { "KHR_materials_volume", { { "thicknessFactor", 1 }, { "attenuationColor", { 0.5, 0.6, 0.7 } }, { "attenuationDistance", 2 } } },
-      { "KHR_materials_unlit", Json::object() } } } } };
+  g.Doc["materials"] = { { { "name", "m" }, { "emissiveFactor", { 1, 0.5, 0 } }, { "doubleSided", true },
+    { "alphaMode", "MASK" }, { "alphaCutoff", 0.25 },
+    { "pbrMetallicRoughness",
+      { { "baseColorFactor", { 0.1, 0.2, 0.3, 0.4 } }, { "metallicFactor", 0.5 }, { "roughnessFactor", 0.6 } } },
+    { "extensions",
+      { { "KHR_materials_emissive_strength", { { "emissiveStrength", 10 } } },
+        { "KHR_materials_specular", { { "specularFactor", 0.25 }, { "specularColorFactor", { 1, 2, 3 } } } },
+        { "KHR_materials_ior", { { "ior", 1.33 } } },
+        { "KHR_materials_transmission", { { "transmissionFactor", 0.75 } } },
+        { "KHR_materials_volume",
+          { { "thicknessFactor", 1 }, { "attenuationColor", { 0.5, 0.6, 0.7 } }, { "attenuationDistance", 2 } } },
+        { "KHR_materials_unlit", Json::object() } } } } };
   const auto scene = LoadOnce(g.WriteGltf());
   ASSERT_EQ(scene->Materials.size(), 2u) << "the primitive has none: a default is appended";
   EXPECT_EQ(scene->Meshes[0].Material, 1);
@@ -151,8 +157,8 @@ TEST(Gltf, CamerasLightsAndTheDefaultScene)
   Gltf g;
   g.Doc["cameras"] = { { { "type", "perspective" }, { "perspective", { { "yfov", 0.7 } } } },
     { { "type", "orthographic" }, { "name", "flat" }, { "orthographic", { { "ymag", 2 } } } } };
-  g.Doc["extensions"]["KHR_lights_punctual"]["lights"] = { { { "type", "spot" }, { "color", { 1, 0.5, 0 } }, { "intensity", 4 },
-    { "range", 3 }, { "spot", { { "innerConeAngle", 0.1 }, { "outerConeAngle", 0.2 } } } } };
+  g.Doc["extensions"]["KHR_lights_punctual"]["lights"] = { { { "type", "spot" }, { "color", { 1, 0.5, 0 } },
+    { "intensity", 4 }, { "range", 3 }, { "spot", { { "innerConeAngle", 0.1 }, { "outerConeAngle", 0.2 } } } } };
   g.Doc["nodes"] = { { { "mesh", 0 } }, { { "name", "eye" }, { "camera", 0 } }, { { "camera", 1 } },
     { { "extensions", { { "KHR_lights_punctual", { { "light", 0 } } } } } }, { { "mesh", 0 } } };
   g.Doc["scenes"] = { { { "nodes", { 0 } } }, { { "nodes", { 4, 3, 2, 1 } } } };
@@ -227,12 +233,13 @@ TEST(Gltf, UnusableNormalsBecomeThoseOfTheFaces)
 TEST(Gltf, SkinTakesThePoseOfItsJoints)
 {
   Gltf g;
-  g.Primitive()["attributes"]["JOINTS_0"] = g.Accessor<std::uint8_t>({ 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0 }, 5121, "VEC4", 4);
+  g.Primitive()["attributes"]["JOINTS_0"] =
+    g.Accessor<std::uint8_t>({ 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0 }, 5121, "VEC4", 4);
   g.Primitive()["attributes"]["WEIGHTS_0"] = g.Floats({ 1, 0, 0, 0, 1, 0, 0, 0, 0.5f, 0.5f, 0, 0 }, "VEC4", 4);
   g.Doc["skins"] = { { { "joints", { 1, 2 } } } };
   // The node's own place does not count, the joints' do.
-  g.Doc["nodes"] = { { { "mesh", 0 }, { "skin", 0 }, { "translation", { 100, 0, 0 } } }, { { "translation", { 0, 0, 0 } } },
-    { { "translation", { 0, 0, 4 } } } };
+  g.Doc["nodes"] = { { { "mesh", 0 }, { "skin", 0 }, { "translation", { 100, 0, 0 } } },
+    { { "translation", { 0, 0, 0 } } }, { { "translation", { 0, 0, 4 } } } };
   g.Doc["scenes"][0]["nodes"] = { 0, 1, 2 };
   const auto scene = LoadOnce(g.WriteGltf());
   EXPECT_TRUE(HasWarning(*scene, "skins[0]"));
@@ -313,82 +320,145 @@ TEST_P(BadGltf, IsRefusedWithPlaceCauseAndRemedy)
   ExpectError(ErrorOf(file), file, c.Place, c.What, c.Remedy);
 }
 INSTANTIATE_TEST_SUITE_P(All, BadGltf,
-  testing::Values(
-    BadCase{ "Version", [](Gltf& g) { g.Doc["asset"]["version"] = "1.0"; }, "asset.version", "version \"1.0\" is not supported", "export glTF 2.0" },
+  testing::Values(BadCase{ "Version", [](Gltf& g) { g.Doc["asset"]["version"] = "1.0"; }, "asset.version",
+                    "version \"1.0\" is not supported", "export glTF 2.0" },
     BadCase{ "NoAsset", [](Gltf& g) { g.Doc.erase("asset"); }, "asset", "required property is missing", "add it" },
-    BadCase{ "Draco", [](Gltf& g) { g.Doc["extensionsRequired"] = { "KHR_draco_mesh_compression" }; }, "extensionsRequired[0]",
-      "requires KHR_draco_mesh_compression", "without mesh compression" },
-    BadCase{ "Meshopt", [](Gltf& g) { g.Doc["extensionsRequired"] = { "EXT_meshopt_compression" }; }, "extensionsRequired[0]",
-      "requires EXT_meshopt_compression", "without mesh compression" },
-    BadCase{ "UnknownRequired", [](Gltf& g) { g.Doc["extensionsRequired"] = { "XX_new" }; }, "extensionsRequired[0]", "requires XX_new",
-      "without this extension" },
+    BadCase{ "Draco", [](Gltf& g) { g.Doc["extensionsRequired"] = { "KHR_draco_mesh_compression" }; },
+      "extensionsRequired[0]", "requires KHR_draco_mesh_compression", "without mesh compression" },
+    BadCase{ "Meshopt", [](Gltf& g) { g.Doc["extensionsRequired"] = { "EXT_meshopt_compression" }; },
+      "extensionsRequired[0]", "requires EXT_meshopt_compression", "without mesh compression" },
+    BadCase{ "UnknownRequired", [](Gltf& g) { g.Doc["extensionsRequired"] = { "XX_new" }; }, "extensionsRequired[0]",
+      "requires XX_new", "without this extension" },
     BadCase{ "DracoWithoutFallback",
-      [](Gltf& g) {
+      [](Gltf& g)
+      {
         g.Doc["accessors"][0].erase("bufferView");
         g.Primitive()["extensions"] = { { "KHR_draco_mesh_compression", Json::object() } };
       },
       "meshes[0].primitives[0]", "KHR_draco_mesh_compression", "without mesh compression" },
-    BadCase{ "SceneIndex", [](Gltf& g) { g.Doc["scene"] = 3; }, "scene", "scene 3 does not exist (the file has 1)", "correct the index" },
-    BadCase{ "SceneType", [](Gltf& g) { g.Doc["scene"] = "first"; }, "scene", "expected a whole number >= 0, found string", "correct" },
-    BadCase{ "NodeIndex", [](Gltf& g) { g.Doc["scenes"][0]["nodes"] = { 7 }; }, "scenes[0].nodes[0]", "node 7 does not exist", "correct" },
+    BadCase{ "SceneIndex", [](Gltf& g) { g.Doc["scene"] = 3; }, "scene", "scene 3 does not exist (the file has 1)",
+      "correct the index" },
+    BadCase{ "SceneType", [](Gltf& g) { g.Doc["scene"] = "first"; }, "scene",
+      "expected a whole number >= 0, found string", "correct" },
+    BadCase{ "NodeIndex", [](Gltf& g) { g.Doc["scenes"][0]["nodes"] = { 7 }; }, "scenes[0].nodes[0]",
+      "node 7 does not exist", "correct" },
     BadCase{ "NegativeIndex", [](Gltf& g) { g.Doc["nodes"][0]["mesh"] = -1; }, "nodes[0].mesh", "found -1", "correct" },
-    BadCase{ "FractionIndex", [](Gltf& g) { g.Doc["nodes"][0]["mesh"] = 0.5; }, "nodes[0].mesh", "found 0.5", "correct" },
-    BadCase{ "HugeIndex", [](Gltf& g) { g.Doc["nodes"][0]["mesh"] = 18446744073709551615ull; }, "nodes[0].mesh", "whole number", "correct" },
-    BadCase{ "SelfCycle", [](Gltf& g) { g.Doc["nodes"].push_back({ { "children", { 1 } } }); }, "nodes[1]", "cycle of nodes", "remove the cycle" },
-    BadCase{ "LongCycle",
+    BadCase{
+      "FractionIndex", [](Gltf& g) { g.Doc["nodes"][0]["mesh"] = 0.5; }, "nodes[0].mesh", "found 0.5", "correct" },
+    BadCase{ "HugeIndex", [](Gltf& g) { g.Doc["nodes"][0]["mesh"] = 18446744073709551615ull; }, "nodes[0].mesh",
+      "whole number", "correct" },
+    BadCase{ "SelfCycle",
       [](Gltf& g) {
-        g.Doc["nodes"] = { { { "mesh", 0 }, { "children", { 1 } } }, { { "children", { 2 } } }, { { "children", { 0 } } } };
+        g.Doc["nodes"].push_back({ { "children", { 1 } } });
+      },
+      "nodes[1]", "cycle of nodes", "remove the cycle" },
+    BadCase{ "LongCycle",
+      [](Gltf& g)
+      {
+        g.Doc["nodes"] = { { { "mesh", 0 }, { "children", { 1 } } }, { { "children", { 2 } } },
+          { { "children", { 0 } } } };
       },
       "nodes[0]", "cycle of nodes", "remove the cycle" },
     BadCase{ "TwoParents",
-      [](Gltf& g) { g.Doc["nodes"] = { { { "children", { 2 } } }, { { "children", { 2 } } }, { { "mesh", 0 } } }; },
+      [](Gltf& g) {
+        g.Doc["nodes"] = { { { "children", { 2 } } }, { { "children", { 2 } } }, { { "mesh", 0 } } };
+      },
       "nodes[1].children[0]", "node 2 is already a child of node 0", "one parent" },
-    BadCase{ "MatrixSize", [](Gltf& g) { g.Doc["nodes"][0]["matrix"] = { 1, 2 }; }, "nodes[0].matrix", "expected 16 numbers, found 2", "correct" },
-    BadCase{ "TranslationType", [](Gltf& g) { g.Doc["nodes"][0]["translation"] = { 1, "2", 3 }; }, "nodes[0].translation[1]",
-      "expected a number, found string", "correct" },
-    BadCase{ "AccessorIndex", [](Gltf& g) { g.Primitive()["attributes"]["POSITION"] = 9; }, "meshes[0].primitives[0].attributes.POSITION",
-      "accessor 9 does not exist (the file has 1)", "correct" },
-    BadCase{ "ViewIndex", [](Gltf& g) { g.Doc["accessors"][0]["bufferView"] = 4; }, "accessors[0].bufferView", "bufferView 4 does not exist", "correct" },
+    BadCase{ "MatrixSize",
+      [](Gltf& g) {
+        g.Doc["nodes"][0]["matrix"] = { 1, 2 };
+      },
+      "nodes[0].matrix", "expected 16 numbers, found 2", "correct" },
+    BadCase{ "TranslationType",
+      [](Gltf& g) {
+        g.Doc["nodes"][0]["translation"] = { 1, "2", 3 };
+      },
+      "nodes[0].translation[1]", "expected a number, found string", "correct" },
+    BadCase{ "AccessorIndex", [](Gltf& g) { g.Primitive()["attributes"]["POSITION"] = 9; },
+      "meshes[0].primitives[0].attributes.POSITION", "accessor 9 does not exist (the file has 1)", "correct" },
+    BadCase{ "ViewIndex", [](Gltf& g) { g.Doc["accessors"][0]["bufferView"] = 4; }, "accessors[0].bufferView",
+      "bufferView 4 does not exist", "correct" },
     BadCase{ "AccessorTooLong", [](Gltf& g) { g.Doc["accessors"][0]["count"] = 4; }, "accessors[0]",
       "4 elements of 12 bytes from byte 0 do not fit the bufferView of 36 bytes", "correct count" },
-    BadCase{ "AccessorOverflow", [](Gltf& g) { g.Doc["accessors"][0]["byteOffset"] = 9007199254740991ull; }, "accessors[0]", "do not fit", "byteOffset" },
-    BadCase{ "CountOverflow", [](Gltf& g) { g.Doc["accessors"][0]["count"] = 4294967295u; }, "accessors[0]", "do not fit", "correct count" },
-    BadCase{ "CountZero", [](Gltf& g) { g.Doc["accessors"][0]["count"] = 0; }, "accessors[0].count", "at least one element", "remove" },
+    BadCase{ "AccessorOverflow", [](Gltf& g) { g.Doc["accessors"][0]["byteOffset"] = 9007199254740991ull; },
+      "accessors[0]", "do not fit", "byteOffset" },
+    BadCase{ "CountOverflow", [](Gltf& g) { g.Doc["accessors"][0]["count"] = 4294967295u; }, "accessors[0]",
+      "do not fit", "correct count" },
+    BadCase{ "CountZero", [](Gltf& g) { g.Doc["accessors"][0]["count"] = 0; }, "accessors[0].count",
+      "at least one element", "remove" },
     BadCase{ "CountWithoutData",
-      [](Gltf& g) {
+      [](Gltf& g)
+      {
         g.Doc["accessors"][0].erase("bufferView");
         g.Doc["accessors"][0]["count"] = 4000000000u;
       },
       "accessors[0].count", "2^24", "export" },
-    BadCase{ "ComponentType", [](Gltf& g) { g.Doc["accessors"][0]["componentType"] = 5124; }, "accessors[0].componentType", "5124 is none of", "export" },
-    BadCase{ "ElementType", [](Gltf& g) { g.Doc["accessors"][0]["type"] = "VEC2"; }, "accessors[0].type", "\"VEC2\" where VEC3 is expected", "export" },
+    BadCase{ "ComponentType", [](Gltf& g) { g.Doc["accessors"][0]["componentType"] = 5124; },
+      "accessors[0].componentType", "5124 is none of", "export" },
+    BadCase{ "ElementType", [](Gltf& g) { g.Doc["accessors"][0]["type"] = "VEC2"; }, "accessors[0].type",
+      "\"VEC2\" where VEC3 is expected", "export" },
     BadCase{ "ViewOutside", [](Gltf& g) { g.Doc["bufferViews"][0]["byteLength"] = 48; }, "bufferViews[0]",
       "bytes 0 to 48 lie outside buffer 0 of 36 bytes", "byteLength" },
-    BadCase{ "ViewOverflow", [](Gltf& g) { g.Doc["bufferViews"][0]["byteOffset"] = 9007199254740992ull; }, "bufferViews[0]", "lie outside buffer", "byteOffset" },
-    BadCase{ "StrideOdd", [](Gltf& g) { g.Doc["bufferViews"][0]["byteStride"] = 13; }, "bufferViews[0].byteStride", "not a multiple of 4", "export" },
-    BadCase{ "StrideSmall", [](Gltf& g) { g.Doc["bufferViews"][0]["byteStride"] = 8; }, "accessors[0]", "byteStride 8 is smaller than an element of 12", "export" },
-    BadCase{ "BufferIndex", [](Gltf& g) { g.Doc["bufferViews"][0]["buffer"] = 1; }, "bufferViews[0].buffer", "buffer 1 does not exist", "correct" },
-    BadCase{ "BufferMissing", [](Gltf& g) { g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "gone.bin" } } }; }, "buffers[0].uri",
-      "gone.bin\" cannot be read: the file does not exist", "put the file there" },
-    BadCase{ "BufferRemote", [](Gltf& g) { g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "http://x.org/a.bin" } } }; }, "buffers[0].uri",
-      "not fetched", "download" },
-    BadCase{ "BufferWithoutUri", [](Gltf& g) { g.Doc["buffers"] = { { { "byteLength", 36 } } }; }, "buffers[0]", "neither a uri nor a binary chunk", "export" },
-    BadCase{ "BufferShort", [](Gltf& g) { g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "data:;base64,AAAA" } } }; }, "buffers[0]",
-      "byteLength is 36, but only 3 bytes", "cut off" },
-    BadCase{ "Base64", [](Gltf& g) { g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "data:;base64,AA*A" } } }; }, "buffers[0].uri",
-      "invalid base64 character at offset 2", "export" },
-    BadCase{ "IndexOutside", [](Gltf& g) { g.Primitive()["indices"] = g.Indices({ 0, 1, 3 }); }, "meshes[0].primitives[0].indices",
-      "index 3 at place 2 lies outside the 3 vertices", "export" },
-    BadCase{ "IndexFloat", [](Gltf& g) { g.Primitive()["indices"] = g.Floats({ 0, 1, 2 }, "SCALAR", 1); }, "accessors[1].componentType",
-      "indices must be unsigned integers", "export" },
-    BadCase{ "AttributeCount", [](Gltf& g) { g.Primitive()["attributes"]["NORMAL"] = g.Floats({ 0, 0, 1 }, "VEC3", 3); },
-      "meshes[0].primitives[0].attributes.NORMAL", "has 1 elements, POSITION has 3", "export" },
-    BadCase{ "Mode", [](Gltf& g) { g.Primitive()["mode"] = 7; }, "meshes[0].primitives[0].mode", "mode 7 does not exist", "use 0 to 6" },
-    BadCase{ "MaterialIndex", [](Gltf& g) { g.Primitive()["material"] = 0; }, "meshes[0].primitives[0].material", "material 0 does not exist (the file has 0)", "correct" },
-    BadCase{ "TextureIndex",
-      [](Gltf& g) { g.Doc["materials"] = { { { "normalTexture", { { "index", 2 } } } } }; }, "materials[0].normalTexture.index", "texture 2 does not exist", "correct" },
-    BadCase{ "CameraFov",
+    BadCase{ "ViewOverflow", [](Gltf& g) { g.Doc["bufferViews"][0]["byteOffset"] = 9007199254740992ull; },
+      "bufferViews[0]", "lie outside buffer", "byteOffset" },
+    BadCase{ "StrideOdd", [](Gltf& g) { g.Doc["bufferViews"][0]["byteStride"] = 13; }, "bufferViews[0].byteStride",
+      "not a multiple of 4", "export" },
+    BadCase{ "StrideSmall", [](Gltf& g) { g.Doc["bufferViews"][0]["byteStride"] = 8; }, "accessors[0]",
+      "byteStride 8 is smaller than an element of 12", "export" },
+    BadCase{ "BufferIndex", [](Gltf& g) { g.Doc["bufferViews"][0]["buffer"] = 1; }, "bufferViews[0].buffer",
+      "buffer 1 does not exist", "correct" },
+    BadCase{ "BufferMissing",
       [](Gltf& g) {
+        g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "gone.bin" } } };
+      },
+      "buffers[0].uri", "gone.bin\" cannot be read: the file does not exist", "put the file there" },
+    BadCase{ "BufferRemote",
+      [](Gltf& g) {
+        g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "http://x.org/a.bin" } } };
+      },
+      "buffers[0].uri", "not fetched", "download" },
+    BadCase{ "BufferWithoutUri",
+      [](Gltf& g) {
+        g.Doc["buffers"] = { { { "byteLength", 36 } } };
+      },
+      "buffers[0]", "neither a uri nor a binary chunk", "export" },
+    BadCase{ "BufferShort",
+      [](Gltf& g) {
+        g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "data:;base64,AAAA" } } };
+      },
+      "buffers[0]", "byteLength is 36, but only 3 bytes", "cut off" },
+    BadCase{ "Base64",
+      [](Gltf& g) {
+        g.Doc["buffers"] = { { { "byteLength", 36 }, { "uri", "data:;base64,AA*A" } } };
+      },
+      "buffers[0].uri", "invalid base64 character at offset 2", "export" },
+    BadCase{ "IndexOutside",
+      [](Gltf& g) {
+        g.Primitive()["indices"] = g.Indices({ 0, 1, 3 });
+      },
+      "meshes[0].primitives[0].indices", "index 3 at place 2 lies outside the 3 vertices", "export" },
+    BadCase{ "IndexFloat",
+      [](Gltf& g) {
+        g.Primitive()["indices"] = g.Floats({ 0, 1, 2 }, "SCALAR", 1);
+      },
+      "accessors[1].componentType", "indices must be unsigned integers", "export" },
+    BadCase{ "AttributeCount",
+      [](Gltf& g) {
+        g.Primitive()["attributes"]["NORMAL"] = g.Floats({ 0, 0, 1 }, "VEC3", 3);
+      },
+      "meshes[0].primitives[0].attributes.NORMAL", "has 1 elements, POSITION has 3", "export" },
+    BadCase{ "Mode", [](Gltf& g) { g.Primitive()["mode"] = 7; }, "meshes[0].primitives[0].mode",
+      "mode 7 does not exist", "use 0 to 6" },
+    BadCase{ "MaterialIndex", [](Gltf& g) { g.Primitive()["material"] = 0; }, "meshes[0].primitives[0].material",
+      "material 0 does not exist (the file has 0)", "correct" },
+    BadCase{ "TextureIndex",
+      [](Gltf& g) {
+        g.Doc["materials"] = { { { "normalTexture", { { "index", 2 } } } } };
+      },
+      "materials[0].normalTexture.index", "texture 2 does not exist", "correct" },
+    BadCase{ "CameraFov",
+      [](Gltf& g)
+      {
         g.Doc["cameras"] = { { { "type", "perspective" }, { "perspective", { { "yfov", 4 } } } } };
         g.Doc["nodes"][0]["camera"] = 0;
       },
@@ -396,8 +466,10 @@ INSTANTIATE_TEST_SUITE_P(All, BadGltf,
     BadCase{ "LightIndex", [](Gltf& g) { g.Doc["nodes"][0]["extensions"]["KHR_lights_punctual"]["light"] = 0; },
       "nodes[0].extensions.KHR_lights_punctual.light", "no list of lights", "export" },
     BadCase{ "JointIndex",
-      [](Gltf& g) {
-        g.Primitive()["attributes"]["JOINTS_0"] = g.Accessor<std::uint8_t>({ 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }, 5121, "VEC4", 4);
+      [](Gltf& g)
+      {
+        g.Primitive()["attributes"]["JOINTS_0"] =
+          g.Accessor<std::uint8_t>({ 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }, 5121, "VEC4", 4);
         g.Primitive()["attributes"]["WEIGHTS_0"] = g.Floats({ 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0 }, "VEC4", 4);
         g.Doc["skins"] = { { { "joints", { 0 } } } };
         g.Doc["nodes"][0]["skin"] = 0;
@@ -407,7 +479,9 @@ INSTANTIATE_TEST_SUITE_P(All, BadGltf,
 
 TEST(Gltf, ContainersThatAreBroken)
 {
-  const auto refuse = [](const std::string& suffix, const std::string& content, const char* place, const char* what, const char* remedy) {
+  const auto refuse =
+    [](const std::string& suffix, const std::string& content, const char* place, const char* what, const char* remedy)
+  {
     const std::string file = WriteFile(TempName(suffix), content);
     ExpectError(ErrorOf(file), file, place, what, remedy);
   };
@@ -441,33 +515,40 @@ Gltf Rich()
   Gltf g;
   g.Primitive()["attributes"]["NORMAL"] = g.Floats({ 0, 0, 1, 0, 0, 1, 0, 0, 1 }, "VEC3", 3);
   g.Primitive()["attributes"]["TEXCOORD_0"] = g.Floats({ 0, 0, 1, 0, 0, 1 }, "VEC2", 2);
-  g.Primitive()["attributes"]["JOINTS_0"] = g.Accessor<std::uint8_t>({ 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0 }, 5121, "VEC4", 4);
+  g.Primitive()["attributes"]["JOINTS_0"] =
+    g.Accessor<std::uint8_t>({ 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0 }, 5121, "VEC4", 4);
   g.Primitive()["attributes"]["WEIGHTS_0"] = g.Floats({ 1, 0, 0, 0, 1, 0, 0, 0, 0.5f, 0.5f, 0, 0 }, "VEC4", 4);
   g.Primitive()["indices"] = g.Indices({ 0, 1, 2 });
   g.Primitive()["targets"] = { { { "POSITION", g.Floats({ 0, 0, 2, 0, 0, 4, 0, 0, 6 }, "VEC3", 3) } } };
   g.Doc["meshes"][0]["weights"] = { 0.5 };
   g.Doc["skins"] = { { { "joints", { 1, 2 } } } };
-  g.Doc["nodes"] = { { { "mesh", 0 }, { "skin", 0 } }, { { "children", { 2 } }, { "matrix", { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1 } } },
-    { { "rotation", { 0, 0, 0, 1 } }, { "camera", 0 }, { "extensions", { { "KHR_lights_punctual", { { "light", 0 } } } } } } };
+  g.Doc["nodes"] = { { { "mesh", 0 }, { "skin", 0 } },
+    { { "children", { 2 } }, { "matrix", { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1 } } },
+    { { "rotation", { 0, 0, 0, 1 } }, { "camera", 0 },
+      { "extensions", { { "KHR_lights_punctual", { { "light", 0 } } } } } } };
   g.Doc["scenes"][0]["nodes"] = { 0, 1 };
   g.Doc["cameras"] = { { { "type", "perspective" }, { "perspective", { { "yfov", 0.7 } } } } };
-  g.Doc["extensions"]["KHR_lights_punctual"]["lights"] = { { { "type", "spot" }, { "spot", { { "innerConeAngle", 0.1 } } } } };
+  g.Doc["extensions"]["KHR_lights_punctual"]["lights"] = { { { "type", "spot" },
+    { "spot", { { "innerConeAngle", 0.1 } } } } };
   const std::vector<std::uint8_t> png = SmallPng();
   g.Doc["images"] = { { { "bufferView", g.View(png.data(), png.size()) }, { "mimeType", "image/png" } } };
   g.Doc["samplers"] = { { { "wrapS", 33071 } } };
   g.Doc["textures"] = { { { "source", 0 }, { "sampler", 0 } } };
   g.Doc["materials"] = { { { "emissiveFactor", { 1, 1, 1 } }, { "normalTexture", { { "index", 0 }, { "scale", 0.5 } } },
-    { "pbrMetallicRoughness", { { "baseColorTexture", { { "index", 0 },
-      { "extensions", { { "KHR_texture_transform", { { "scale", { 2, 3 } } } } } } } } } },
+    { "pbrMetallicRoughness",
+      { { "baseColorTexture",
+        { { "index", 0 }, { "extensions", { { "KHR_texture_transform", { { "scale", { 2, 3 } } } } } } } } } },
     { "extensions", { { "KHR_materials_volume", { { "thicknessFactor", 1 } } } } } } };
   g.Primitive()["material"] = 0;
   g.Animate("translation", "LINEAR", { 0, 1 }, { 0, 0, 0, 1, 1, 1 }, 3);
   const std::vector<std::uint16_t> where{ 2 };
   const std::vector<float> what{ 7, 8, 9 };
   const int indices = g.View(where.data(), 2), values = g.View(what.data(), 12);
-  g.Doc["accessors"][0]["sparse"] = { { "count", 1 }, { "indices", { { "bufferView", indices }, { "componentType", 5123 } } },
+  g.Doc["accessors"][0]["sparse"] = { { "count", 1 },
+    { "indices", { { "bufferView", indices }, { "componentType", 5123 } } },
     { "values", { { "bufferView", values } } } };
-  g.Doc["scenes"][0]["extras"] = { { "resolution", { 64, 64 } }, { "environment", { { { "type", "constant" }, { "radiance", { 1, 1, 1 } } } } } };
+  g.Doc["scenes"][0]["extras"] = { { "resolution", { 64, 64 } },
+    { "environment", { { { "type", "constant" }, { "radiance", { 1, 1, 1 } } } } } };
   return g;
 }
 
@@ -548,8 +629,8 @@ TEST(GltfMutation, ReplacedJsonValues)
   Gltf g = Rich();
   g.GlbBytes();
   const Json original = g.Doc;
-  const Json hostile[] = { -1, 0, 1, 2, 3, 255, 4294967295u, 9007199254740991ull, 18446744073709551615ull, 0.5, -1e300, 1e300,
-    "", "x", nullptr, true, Json::array(), Json::object(), { 0, 1, 2 }, { { "index", 0 } } };
+  const Json hostile[] = { -1, 0, 1, 2, 3, 255, 4294967295u, 9007199254740991ull, 18446744073709551615ull, 0.5, -1e300,
+    1e300, "", "x", nullptr, true, Json::array(), Json::object(), { 0, 1, 2 }, { { "index", 0 } } };
   std::mt19937 random(99);
   const std::string file = TempName(".glb");
   int good = 0, refused = 0;

@@ -44,8 +44,10 @@ TEST(Obj, NegativeIndicesCountBackFromWhereTheyStand)
 
 TEST(Obj, IndicesOutsideAreRefused)
 {
-  const auto refuse = [](const char* face, const char* what) {
-    const std::string file = WriteFile(TempName(".obj"), std::string("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\n") + face);
+  const auto refuse = [](const char* face, const char* what)
+  {
+    const std::string file =
+      WriteFile(TempName(".obj"), std::string("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\n") + face);
     ExpectError(ErrorOf(file), file, "face 2", what, "correct the index");
   };
   refuse("f 1 2 4\n", "vertex index 4 does not exist (the file has 3)");
@@ -74,10 +76,11 @@ TEST(Obj, ConcaveAndLargePolygons)
   EXPECT_NEAR(area, 1, 1e-6);
 
   std::string text, face = "f";
-  const int n = 300;  // more corners than one byte counts
+  const int n = 300; // more corners than one byte counts
   for (int i = 0; i < n; ++i)
   {
-    text += "v " + std::to_string(std::cos(i * 6.283185307 / n)) + " " + std::to_string(std::sin(i * 6.283185307 / n)) + " 0\n";
+    text += "v " + std::to_string(std::cos(i * 6.283185307 / n)) + " " + std::to_string(std::sin(i * 6.283185307 / n)) +
+            " 0\n";
     face += " " + std::to_string(i + 1);
   }
   const auto disc = LoadOnce(WriteFile(TempName(".obj"), text + face + "\n"));
@@ -110,7 +113,8 @@ TEST(Obj, MaterialMapping)
     EXPECT_NEAR(m.Roughness, std::sqrt(std::sqrt(2. / 32.)), 1e-6);
   }
   {
-    const Material m = WithMaterial("Kd 0.01 0.01 0.01\nKs 0.3 0.3 0.3\nTf 0.25 0.25 1\nNs 200\nNi 2.5\nillum 7")->Materials[0];
+    const Material m =
+      WithMaterial("Kd 0.01 0.01 0.01\nKs 0.3 0.3 0.3\nTf 0.25 0.25 1\nNs 200\nNi 2.5\nillum 7")->Materials[0];
     EXPECT_EQ(m.Transmission, 1);
     EXPECT_TRUE(m.Volume);
     EXPECT_FLOAT_EQ(m.Ior, 2.5f);
@@ -146,7 +150,8 @@ TEST(Obj, MapsAndTheirTransform)
 
 TEST(Obj, MissingLibraryImageAndMaterialWarn)
 {
-  const auto scene = LoadOnce(WriteFile(TempName(".obj"), "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl nobody\nf 1 2 3\n"));
+  const auto scene =
+    LoadOnce(WriteFile(TempName(".obj"), "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl nobody\nf 1 2 3\n"));
   EXPECT_TRUE(HasWarning(*scene, "gone.mtl\" cannot be read"));
   EXPECT_TRUE(HasWarning(*scene, "usemtl nobody: the material is not defined"));
   EXPECT_EQ(scene->Materials[std::size_t(scene->Meshes[0].Material)].BaseColor, Vec3f(0.8f));
@@ -155,8 +160,8 @@ TEST(Obj, MissingLibraryImageAndMaterialWarn)
 
 TEST(Obj, MutationsOnlyThrowSceneErrors)
 {
-  const std::string original =
-    "mtllib a.mtl\no x\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl m\ng a b\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -4 -3 -1\nl 1 2\np 1\ns off\n";
+  const std::string original = "mtllib a.mtl\no x\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl m\ng a "
+                               "b\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -4 -3 -1\nl 1 2\np 1\ns off\n";
   std::mt19937 random(7);
   const std::string file = TempName(".obj");
   int good = 0, refused = 0;

@@ -63,8 +63,10 @@ TEST_P(SharedScenes, Load)
   }
 }
 INSTANTIATE_TEST_SUITE_P(All, SharedScenes,
-  testing::Values("khronos-core", "khronos-scenes", "interior-living-room", "cornell-mcguire", "obj", "cornell-reference", "radiometric-refs"),
-  [](const testing::TestParamInfo<const char*>& tested) {
+  testing::Values("khronos-core", "khronos-scenes", "interior-living-room", "cornell-mcguire", "obj",
+    "cornell-reference", "radiometric-refs"),
+  [](const testing::TestParamInfo<const char*>& tested)
+  {
     std::string name = tested.param;
     std::replace(name.begin(), name.end(), '-', '_');
     return name;
@@ -76,11 +78,13 @@ TEST(SharedScene, BrokenFilesAreRefusedOrWarnedOf)
   if (!table)
     GTEST_SKIP() << "no " << Shared("gltf-bad");
   // What must not load at all, and a word of the reason.
-  const std::map<std::string, std::string> refused = { { "Cube.gltf", "lie outside buffer" }, { "assimp-MissingBin", "BoxTextured0.bin" },
-    { "sceneWrongType.gltf", "scene: expected a whole number" }, { "badExtension.gltf", "KHR_texture_transform: expected an object" },
-    { "badObject.gltf", "pbrMetallicRoughness: expected an object" }, { "badUint.gltf", "found -1" }, { "ABeautifulGame.gltf", "ABeautifulGame.bin" },
-    { "required-draco-Box", "KHR_draco_mesh_compression" }, { "japanese-bridge", "EXT_meshopt_compression" },
-    { "integer-out-of-bounds", "simpleTriangle.bin" }, { "invalid-buffer-view-index", "bufferView" }, { "issue-416", "asset.version" } };
+  const std::map<std::string, std::string> refused = { { "Cube.gltf", "lie outside buffer" },
+    { "assimp-MissingBin", "BoxTextured0.bin" }, { "sceneWrongType.gltf", "scene: expected a whole number" },
+    { "badExtension.gltf", "KHR_texture_transform: expected an object" },
+    { "badObject.gltf", "pbrMetallicRoughness: expected an object" }, { "badUint.gltf", "found -1" },
+    { "ABeautifulGame.gltf", "ABeautifulGame.bin" }, { "required-draco-Box", "KHR_draco_mesh_compression" },
+    { "japanese-bridge", "EXT_meshopt_compression" }, { "integer-out-of-bounds", "simpleTriangle.bin" },
+    { "invalid-buffer-view-index", "bufferView" }, { "issue-416", "asset.version" } };
   std::string line;
   int files = 0;
   while (std::getline(table, line))
@@ -90,13 +94,13 @@ TEST(SharedScene, BrokenFilesAreRefusedOrWarnedOf)
     ++files;
     const std::string name = line.substr(0, line.find('\t'));
     SCOPED_TRACE(name);
-    const auto expected =
-      std::find_if(refused.begin(), refused.end(), [&](const auto& r) { return name.find(r.first) != std::string::npos; });
+    const auto expected = std::find_if(
+      refused.begin(), refused.end(), [&](const auto& r) { return name.find(r.first) != std::string::npos; });
     try
     {
       const auto scene = LoadScene(Shared(name.c_str()));
       EXPECT_TRUE(expected == refused.end());
-      if (name.find("texcoord_crash") != std::string::npos)  // unusual, but valid
+      if (name.find("texcoord_crash") != std::string::npos) // unusual, but valid
       {
         EXPECT_EQ(Triangles(*scene), 10u);
       }
@@ -124,7 +128,8 @@ TEST(SharedScene, LivingRoomHasItsCameraGlassAndTurnedSky)
   EXPECT_EQ(scene->Cameras.size(), 1u);
   EXPECT_EQ(scene->Resolution[0], 1280);
   EXPECT_EQ(scene->Resolution[1], 720);
-  EXPECT_TRUE(std::any_of(scene->Materials.begin(), scene->Materials.end(), [](const Material& m) { return m.Transmission > 0; }));
+  EXPECT_TRUE(std::any_of(
+    scene->Materials.begin(), scene->Materials.end(), [](const Material& m) { return m.Transmission > 0; }));
   ASSERT_TRUE(scene->Sky.Present);
   ASSERT_GE(scene->Sky.Texture, 0);
   // toWorld takes local -z to world -x, so that the picture's left edge (local -z) is where world -x is: u = 1/4.
@@ -134,7 +139,8 @@ TEST(SharedScene, LivingRoomHasItsCameraGlassAndTurnedSky)
   for (const float u : { 0.1f, 0.35f, 0.6f, 0.85f })
     for (const float v : { 0.2f, 0.45f, 0.7f })
     {
-      const float x = (std::floor(u * float(image.Width)) + 0.5f) / float(image.Width), y = (std::floor(v * float(image.Height)) + 0.5f) / float(image.Height);
+      const float x = (std::floor(u * float(image.Width)) + 0.5f) / float(image.Width),
+                  y = (std::floor(v * float(image.Height)) + 0.5f) / float(image.Height);
       const Vec4f a = image.Sample(x, y), b = turned.Sample(x + 0.25f, y);
       EXPECT_NEAR(a.x, b.x, 2e-3f * (1 + a.x));
       EXPECT_NEAR(a.z, b.z, 2e-3f * (1 + a.z));
@@ -219,7 +225,8 @@ TEST(ShippedScenes, MovingBoxStartsAtTheStillOneAndMoves)
   const auto still = LoadScene(folder + "cornell-box.gltf"), moving = LoadScene(folder + "cornell-box-moving.gltf");
   ASSERT_EQ(still->Nodes.size(), moving->Nodes.size());
   EXPECT_DOUBLE_EQ(moving->Duration(), 2);
-  const std::vector<Mat4> a = still->WorldMatrices(0), b = moving->WorldMatrices(0), c = moving->WorldMatrices(31 / 24.);
+  const std::vector<Mat4> a = still->WorldMatrices(0), b = moving->WorldMatrices(0),
+                          c = moving->WorldMatrices(31 / 24.);
   int moved = 0;
   for (std::size_t i = 0; i < a.size(); ++i)
   {

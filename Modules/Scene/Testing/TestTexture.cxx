@@ -29,8 +29,8 @@ TEST(Texture, TexelCentresAreExactAndBetweenThemIsLinear)
   for (int y = 0; y < 2; ++y)
     for (int x = 0; x < 4; ++x)
       EXPECT_FLOAT_EQ(t.Sample((float(x) + 0.5f) / 4, (float(y) + 0.5f) / 2).x, float(10 * x + 100 * y));
-  EXPECT_FLOAT_EQ(t.Sample(0.5f, 0.25f).x, 15.f);   // halfway between texels 1 and 2
-  EXPECT_FLOAT_EQ(t.Sample(0.375f, 0.5f).x, 60.f);  // halfway between rows: v = 0 is the top
+  EXPECT_FLOAT_EQ(t.Sample(0.5f, 0.25f).x, 15.f);  // halfway between texels 1 and 2
+  EXPECT_FLOAT_EQ(t.Sample(0.375f, 0.5f).x, 60.f); // halfway between rows: v = 0 is the top
 }
 
 TEST(Texture, WrapModes)
@@ -83,8 +83,8 @@ TEST(Texture, SRGBIsDecodedBeforeFilteringAndAlphaIsNot)
   t.SRGB = true;
   const Vec4f a = t.Sample(0.25f, 0.5f);
   EXPECT_FLOAT_EQ(a.x, 0);
-  EXPECT_NEAR(a.y, 10 / 255. / 12.92, 1e-8);  // linear part
-  EXPECT_NEAR(a.z, 0.2158605, 1e-6);          // ((128/255 + .055) / 1.055)^2.4
+  EXPECT_NEAR(a.y, 10 / 255. / 12.92, 1e-8); // linear part
+  EXPECT_NEAR(a.z, 0.2158605, 1e-6);         // ((128/255 + .055) / 1.055)^2.4
   EXPECT_NEAR(a.w, 128 / 255., 1e-7);
   EXPECT_NEAR(t.Sample(0.5f, 0.5f).x, 0.5, 1e-7) << "the mean of light, not of codes";
   EXPECT_NEAR(t.Sample(0.75f, 0.5f).z, 0.5028865, 1e-6);
@@ -124,9 +124,10 @@ TEST(Texture, TransformScalesThenRotatesThenMoves)
   g.Doc["images"] = { { { "uri", "data:image/png;base64," + Base64(png) } } };
   g.Doc["textures"] = { { { "source", 0 } } };
   g.Doc["materials"] = { { { "pbrMetallicRoughness",
-    { { "baseColorTexture", { { "index", 0 }, { "texCoord", 0 },
-      { "extensions", { { "KHR_texture_transform", { { "offset", { 0.25, -0.5 } }, { "rotation", 1.5707963267948966 },
-        { "scale", { 2, 3 } }, { "texCoord", 1 } } } } } } } } } } };
+    { { "baseColorTexture",
+      { { "index", 0 }, { "texCoord", 0 },
+        { "extensions", { { "KHR_texture_transform", { { "offset", { 0.25, -0.5 } }, { "rotation", 1.5707963267948966 },
+                                                       { "scale", { 2, 3 } }, { "texCoord", 1 } } } } } } } } } } };
   g.Primitive()["material"] = 0;
   const auto scene = LoadOnce(g.WriteGltf());
   const TextureUse& use = scene->Materials[0].BaseColorTexture;
@@ -181,7 +182,8 @@ TEST(Environment, ConstantAndTurnedImageInExtras)
   EXPECT_NEAR(plain->Textures[0].Sample(0.75f, 0.5f).x, 1, 1e-5);
   EXPECT_NEAR(plain->Textures[0].Sample(0.25f, 0.5f).x, 0, 1e-5);
   // Half a turn about y swaps them.
-  g.Doc["scenes"][0]["extras"]["environment"][0]["toWorld"] = { { -1, 0, 0, 0 }, { 0, 1, 0, 0 }, { 0, 0, -1, 0 }, { 0, 0, 0, 1 } };
+  g.Doc["scenes"][0]["extras"]["environment"][0]["toWorld"] = { { -1, 0, 0, 0 }, { 0, 1, 0, 0 }, { 0, 0, -1, 0 },
+    { 0, 0, 0, 1 } };
   const auto turned = LoadOnce(g.WriteGltf());
   EXPECT_NEAR(turned->Textures[0].Sample(0.25f, 0.5f).x, 1, 1e-5);
   std::remove(image.c_str());

@@ -29,7 +29,10 @@ struct Picture
   std::vector<float> data;
   Picture() = default;
   Picture(int width, int height, int channels)
-    : w(width), h(height), c(channels), data(std::size_t(width) * height * channels)
+    : w(width)
+    , h(height)
+    , c(channels)
+    , data(std::size_t(width) * height * channels)
   {
   }
   Rect extent() const { return { 0, 0, w, h }; }
@@ -105,7 +108,6 @@ Picture Step(const State& before, State& now, const Picture& radiance, Reproject
 }
 }
 
-
 TEST(TemporalSharedData, CyclesRoomWithMovingCameraAndBlock)
 {
   const File reference(Room + "reference.0008.exr");
@@ -166,8 +168,9 @@ TEST(TemporalSharedData, CyclesRoomWithMovingCameraAndBlock)
     positionBefore = position;
   }
   const double raw = RelMse(noisy, truth), accumulated = RelMse(before.color, truth);
-  std::printf("relMSE raw %.4g, accumulated %.4g, ratio %.2f; %.1f %% of the pixels have history; median position error "
-              "%.4g (motion reversed: %.4g)\n",
+  std::printf(
+    "relMSE raw %.4g, accumulated %.4g, ratio %.2f; %.1f %% of the pixels have history; median position error "
+    "%.4g (motion reversed: %.4g)\n",
     raw, accumulated, raw / accumulated, 100 * history, offset, reversed);
   EXPECT_GT(history, 0.9);
   EXPECT_LT(accumulated, raw / 3);
@@ -206,7 +209,8 @@ TEST(TemporalSharedData, BoxWithMovingBallByMatrices)
     }
   }
   const int w = 512, h = 512;
-  const auto screen = [&](int f, const Vec3d& p, double& x, double& y) {
+  const auto screen = [&](int f, const Vec3d& p, double& x, double& y)
+  {
     const Mat4& m = matrices[f][8];
     const Vec3d v = m.Point(p);
     const double q = m.m[3][0] * p.x + m.m[3][1] * p.y + m.m[3][2] * p.z + m.m[3][3];
@@ -234,7 +238,8 @@ TEST(TemporalSharedData, BoxWithMovingBallByMatrices)
     }
   EXPECT_GT(moving, 500);
   // The ball's object coordinates are its history: they must come back on the ball, wherever it is now.
-  const auto coordinates = [&](int f) {
+  const auto coordinates = [&](int f)
+  {
     Picture c(w, h, 3);
     for (int y = 0; y < h; ++y)
       for (int x = 0; x < w; ++x)
@@ -281,8 +286,8 @@ TEST(TemporalSharedData, BoxWithMovingBallByMatrices)
     }
   ASSERT_GT(errors.size(), 500u);
   std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
-  std::printf("%d of %d pixels have history, %d lost theirs to another object; median error on the ball %.3g\n", accepted,
-    hits, lost, errors[errors.size() / 2]);
+  std::printf("%d of %d pixels have history, %d lost theirs to another object; median error on the ball %.3g\n",
+    accepted, hits, lost, errors[errors.size() / 2]);
   EXPECT_GT(accepted, 0.98 * hits);
   EXPECT_GT(lost, 20);
   EXPECT_LT(errors[errors.size() / 2], 2e-3);

@@ -25,15 +25,15 @@ namespace
 {
 constexpr int W = 96, H = 80;
 
-/// Every array a temporal stage reads, as a function of (pixel, tick) alone, made for exactly the region asked: a stage that
-/// reads beyond its declared halo finds nothing there.
+/// Every array a temporal stage reads, as a function of (pixel, tick) alone, made for exactly the region asked: a stage
+/// that reads beyond its declared halo finds nothing there.
 class vtkQuellTestFrames : public vtkQuellStage
 {
 public:
   QUELL_STAGE(vtkQuellTestFrames);
 
   int Frame = 0;
-  double Amplitude = 0.5;   ///< of the noise, uniform in +-Amplitude around 1
+  double Amplitude = 0.5; ///< of the noise, uniform in +-Amplitude around 1
   double ShiftX = 0, ShiftY = 0;
   int BadX = -1, BadY = -1; ///< a NaN pixel
   void SetFrame(int frame)
@@ -43,7 +43,8 @@ public:
   }
   static float Noise(int x, int y, int tick, int c)
   {
-    std::uint32_t v = std::uint32_t(x * 73856093) ^ std::uint32_t(y * 19349663) ^ std::uint32_t(tick * 83492791 + c * 2654435);
+    std::uint32_t v =
+      std::uint32_t(x * 73856093) ^ std::uint32_t(y * 19349663) ^ std::uint32_t(tick * 83492791 + c * 2654435);
     v = (v ^ 61u) ^ (v >> 16);
     v *= 9;
     v ^= v >> 4;
@@ -70,8 +71,8 @@ protected:
         if (ImageOut o = frame.Output("radiance"))
           for (int c = 0; c < 3; ++c)
             o.at(x, y)[c] = x == this->BadX && y == this->BadY
-              ? std::numeric_limits<float>::quiet_NaN()
-              : float(1 + this->Amplitude * (2 * Noise(x, y, this->Frame, c) - 1));
+                              ? std::numeric_limits<float>::quiet_NaN()
+                              : float(1 + this->Amplitude * (2 * Noise(x, y, this->Frame, c) - 1));
         const int surface = (x / 23 + y / 17) % 3;
         if (ImageOut o = frame.Output("depth"))
           *o.at(x, y) = hit ? 4 + surface + 0.01f * x : std::numeric_limits<float>::infinity();
@@ -106,7 +107,8 @@ vtkSmartPointer<vtkImageData> Copy(vtkImageData* image)
   return copy;
 }
 
-/// frames -> reproject -> accumulate -> antialias, with the executor's part (whole history, committed after a frame) by hand.
+/// frames -> reproject -> accumulate -> antialias, with the executor's part (whole history, committed after a frame) by
+/// hand.
 struct Chain
 {
   vtkNew<vtkQuellTestFrames> frames;
@@ -136,9 +138,8 @@ struct Chain
   }
   void SetHistory(vtkImageData* f, vtkImageData* a, vtkImageData* t)
   {
-    const auto set = [&](const char* name, vtkImageData* image) {
-      reproject->SetHistory(reproject->GetDescription().InputIndex(name), image);
-    };
+    const auto set = [&](const char* name, vtkImageData* image)
+    { reproject->SetHistory(reproject->GetDescription().InputIndex(name), image); };
     set("previousDepth", f);
     set("previousNormal", f);
     set("previousId", f);
@@ -226,7 +227,7 @@ TEST(TemporalStages, StillCameraGrowsHistoryAndTheErrorFallsAsPredicted)
     Chain c(motion);
     c.accumulate->SetAlpha(0.05);
     double predicted = 1;
-    const double first = 0.5 * 0.5 / 3;  // variance of a uniform number in +-0.5
+    const double first = 0.5 * 0.5 / 3; // variance of a uniform number in +-0.5
     for (int frame = 0; frame < 40; ++frame)
     {
       c.run(frame);
@@ -283,7 +284,8 @@ TEST(TemporalStages, RegionIsTheCropBitForBit)
     EXPECT_EQ(Differences(crop.antialias->GetOutput(), full, "radiance", r), 0);
     EXPECT_EQ(Differences(crop.accumulate->GetOutput(), accumulated, "moments", r), 0);
     EXPECT_EQ(Differences(crop.reproject->GetOutput(), reprojected, "mask", r), 0);
-    // Only the region and the declared halos were made: 1 for the neighbourhood of anti-aliasing, 1 for slopes and filling.
+    // Only the region and the declared halos were made: 1 for the neighbourhood of anti-aliasing, 1 for slopes and
+    // filling.
     EXPECT_EQ(crop.frames->GetCounters().Pixels, r.grown(2).clipped({ 0, 0, W, H }).area());
   }
 }
@@ -297,13 +299,15 @@ TEST(TemporalStages, SameBitsForAnyNumberOfThreads)
     c.frames->ShiftX = -0.43;
     c.frames->ShiftY = 0.21;
     vtkSMPTools::Config config(threads);
-    vtkSMPTools::LocalScope(config, [&]() {
-      for (int frame = 0; frame < 3; ++frame)
+    vtkSMPTools::LocalScope(config,
+      [&]()
       {
-        c.run(frame);
-        c.commit();
-      }
-    });
+        for (int frame = 0; frame < 3; ++frame)
+        {
+          c.run(frame);
+          c.commit();
+        }
+      });
     if (threads == 1)
       one = c.lastAntialias;
     EXPECT_EQ(Differences(one, c.lastAntialias, "radiance", { 0, 0, W, H }), 0) << threads;
@@ -348,7 +352,9 @@ TEST(TemporalStages, ANonFinitePixelIsGoneInTheNextFrame)
   auto spoilt = Copy(c.lastAccumulate);
   spoilt->GetPointData()->GetArray("radiance")->SetComponent(30 * W + 20, 1, std::numeric_limits<double>::quiet_NaN());
   auto spoiltTaa = Copy(c.lastAntialias);
-  spoiltTaa->GetPointData()->GetArray("radiance")->SetComponent(30 * W + 20, 1, std::numeric_limits<double>::quiet_NaN());
+  spoiltTaa->GetPointData()
+    ->GetArray("radiance")
+    ->SetComponent(30 * W + 20, 1, std::numeric_limits<double>::quiet_NaN());
   c.SetHistory(c.lastFrames, spoilt, spoiltTaa);
   c.run(2);
   for (int y = 0; y < H; ++y)
