@@ -551,6 +551,14 @@ void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, c
   const std::int64_t row = std::int64_t(block.width()) * (hi - lo) * 4;
   while (step > 32 && !tiled && row * step > (std::int64_t(64) << 20))
     step /= 2;
+  // The library unpacks all channels of at least 256 rows at once, however few rows there are: a few bytes of header
+  // may claim more than there is memory.
+  const std::uint64_t unpacked = std::uint64_t(spec.scanline_bytes(true)), unpackedLimit = std::uint64_t(16) << 20;
+  if (!tiled && unpacked > unpackedLimit)
+    Refuse("read", path,
+      "one row of it takes " + std::to_string(unpacked >> 20) + " MiB, more than the limit of " +
+        std::to_string(unpackedLimit >> 20) + " MiB",
+      "write it with fewer channels or in tiles");
   std::vector<unsigned char> buffer(size_t(row) * size_t(std::min(step, spec.y + spec.height - block.y0)));
   for (int y = block.y0; y < wanted.y1; y += step)
   {
