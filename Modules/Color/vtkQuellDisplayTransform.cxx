@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkQuellDisplayTransform.h"
 
+#include "quellGuards.h"
 #include "vtkObjectFactory.h"
 
 #include <OpenColorIO/OpenColorIO.h>
@@ -39,28 +40,6 @@ std::string Choose(const char* what, const std::string& name, const std::vector<
   throw quell::StageError("\"" + path + "\" has no " + what + " \"" + name + "\"; " +
                           (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "it has " +
                           Listed(names));
-}
-
-bool IsFinite(const float* v)
-{
-  return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
-}
-
-/// Mean of the finite neighbours in a fixed order, so that tiles and regions agree in every bit.
-void FillFromNeighbours(const quell::ImageIn& image, int x, int y, float out[3])
-{
-  double sum[3] = { 0, 0, 0 };
-  int n = 0;
-  for (int dy = -1; dy <= 1; ++dy)
-    for (int dx = -1; dx <= 1; ++dx)
-      if (image.inside(x + dx, y + dy) && IsFinite(image.at(x + dx, y + dy)))
-      {
-        for (int c = 0; c < 3; ++c)
-          sum[c] += image.at(x + dx, y + dy)[c];
-        ++n;
-      }
-  for (int c = 0; c < 3; ++c)
-    out[c] = n ? float(sum[c] / n) : 0.f;
 }
 }
 
@@ -209,7 +188,7 @@ void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
   int firstX = 0, firstY = 0;
   for (int y = region.y0; y < region.y1; ++y)
     for (int x = region.x0; x < region.x1; ++x)
-      if (!IsFinite(in.at(x, y)) && bad++ == 0)
+      if (!quell::Finite3(in.at(x, y)) && bad++ == 0)
       {
         firstX = x;
         firstY = y;
@@ -232,13 +211,8 @@ void vtkQuellDisplayTransform::ExecuteTile(const quell::StageFrame& frame, const
   {
     for (int x = tile.x0; x < tile.x1; ++x)
     {
-      const float* v = in.at(x, y);
-      float filled[3];
-      if (!IsFinite(v))
-      {
-        FillFromNeighbours(in, x, y, filled);
-        v = filled;
-      }
+      float v[3];
+      quell::ReadFilled(in, x, y, v);
       for (int c = 0; c < 3; ++c)
         out.at(x, y)[c] = std::min(LargestValue, std::max(-LargestValue, v[c] * gain));
     }

@@ -182,32 +182,6 @@ struct Endpoint
 
 const char* const CommandLine = "command line";
 
-template <class F>
-void EachText(const std::vector<PipelineNode>& nodes, const F& visit)
-{
-  for (const PipelineNode& n : nodes)
-  {
-    visit(n.Id);
-    visit(n.Type);
-    for (const PipelineProperty& p : n.Properties)
-    {
-      visit(p.Name);
-      visit(p.Value);
-    }
-    for (const PipelineInput& i : n.Inputs)
-    {
-      visit(i.Port);
-      visit(i.From);
-      visit(i.Delay);
-      visit(i.Optional);
-      for (const PipelineInput::Attribute& a : i.Attributes)
-      {
-        visit(a.Value);
-      }
-    }
-  }
-}
-
 /// Visits every attribute of a document that may hold variables, included files too.
 template <class F>
 void EachText(const PipelineDocument& d, const F& visit)

@@ -130,6 +130,33 @@ struct VTKQUELLPIPELINE_EXPORT PipelineDocument : PipelineItem
   bool operator==(const PipelineDocument& other) const;
   bool operator!=(const PipelineDocument& other) const { return !(*this == other); }
 };
+
+/// Visits every attribute of these nodes that may hold variables.
+template <class F>
+void EachText(const std::vector<PipelineNode>& nodes, const F& visit)
+{
+  for (const PipelineNode& n : nodes)
+  {
+    visit(n.Id);
+    visit(n.Type);
+    for (const PipelineProperty& p : n.Properties)
+    {
+      visit(p.Name);
+      visit(p.Value);
+    }
+    for (const PipelineInput& i : n.Inputs)
+    {
+      visit(i.Port);
+      visit(i.From);
+      visit(i.Delay);
+      visit(i.Optional);
+      for (const PipelineInput::Attribute& a : i.Attributes)
+      {
+        visit(a.Value);
+      }
+    }
+  }
+}
 }
 
 #endif

@@ -129,32 +129,6 @@ private:
     }
   }
 
-  template <class F>
-  static void EachNodeText(const std::vector<PipelineNode>& nodes, const F& visit)
-  {
-    for (const PipelineNode& n : nodes)
-    {
-      visit(n.Id);
-      visit(n.Type);
-      for (const PipelineProperty& p : n.Properties)
-      {
-        visit(p.Name);
-        visit(p.Value);
-      }
-      for (const PipelineInput& i : n.Inputs)
-      {
-        visit(i.Port);
-        visit(i.From);
-        visit(i.Delay);
-        visit(i.Optional);
-        for (const PipelineInput::Attribute& a : i.Attributes)
-        {
-          visit(a.Value);
-        }
-      }
-    }
-  }
-
   /// Variables that anything but a variable nobody uses refers to.
   std::set<std::string> UsedNames() const
   {
@@ -175,9 +149,9 @@ private:
       {
         visit(p.From);
       }
-      EachNodeText(t.Nodes, visit);
+      EachText(t.Nodes, visit);
     }
-    EachNodeText(d.Nodes, visit);
+    EachText(d.Nodes, visit);
     for (const PipelineOutput& o : d.Outputs)
     {
       for (const PipelineText* t : { &o.From, &o.File, &o.View, &o.Display })
