@@ -20,6 +20,7 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <unistd.h>
 
 namespace quell
 {
@@ -39,14 +40,28 @@ double SecondsSince(Clock::time_point start)
 
 CancelToken* interruptedToken = nullptr;
 
-/// The first interrupt ends the run after the tiles at work; the next one ends the program.
+/// The first interrupt ends the run after the frame at work, which gets no more samples than it has; the second one
+/// gives the frame up; the third one ends the program.
 extern "C" void HandleInterrupt(int signal)
 {
-  if (interruptedToken)
+  if (!interruptedToken)
+  {
+    return;
+  }
+  if (!interruptedToken->IsFinishing())
+  {
+    interruptedToken->Finish();
+    static const char text[] = "\nquell: finishing this frame with the samples it has; again to give it up\n";
+    if (write(STDERR_FILENO, text, sizeof text - 1) < 0)
+    {
+      return; // nobody reads it
+    }
+  }
+  else
   {
     interruptedToken->Cancel();
+    std::signal(signal, SIG_DFL);
   }
-  std::signal(signal, SIG_DFL);
 }
 
 /// Installs the handler for as long as a token lives.
@@ -66,7 +81,8 @@ struct InterruptScope
   }
 };
 
-/// Which part of a frame is done, from each node's own progress weighed by the seconds it took so far.
+/// Which part of a frame is done, from each node's own progress weighed by the seconds it took so far, in the first
+/// frame by what it says a pixel costs.
 class FrameProgress
 {
 public:
@@ -87,12 +103,10 @@ public:
     {
       sum += w.second;
     }
-    if (sum <= 0)
+    for (auto& w : this->Weights)
     {
-      for (auto& w : this->Weights)
-      {
-        w.second = 1;
-      }
+      const vtkQuellStage* stage = this->Executor.GetStage(w.first);
+      w.second = sum > 0 ? w.second : stage ? stage->CostPerPixel() : 1.;
     }
   }
   double Update(const std::string& node, double fraction)
@@ -142,8 +156,9 @@ std::map<std::string, std::string> Provenance(const PreparedRun& run)
 /// Where a run starts, and which frames it need not make.
 struct Progress
 {
-  int Start = 0;      ///< the first tick to run
-  std::set<int> Done; ///< finished by an earlier run
+  int Start = 0;                 ///< the first tick to run
+  std::set<int> Done;            ///< finished by an earlier run
+  std::optional<int> Unfinished; ///< has samples of an earlier run
 };
 
 /// Frames without history are finished when their files are there and of this very pipeline.
@@ -208,6 +223,7 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
         }
       }
       // Without a number in its name the file is of whatever frame was last.
+      done = done && !theirs.count("partial") && progress.Unfinished != tick;
       done =
         done && (pattern != file || !theirs.count("frames") || value(theirs, "frames") == value(metadata, "frames"));
     }
@@ -216,18 +232,19 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
       progress.Done.insert(tick);
     }
   }
-  if (progress.Done.empty())
+  if (progress.Done.empty() && progress.Unfinished != run.First)
   {
     std::fprintf(stderr, "quell: --resume: no frame is finished; starting from frame %d\n", run.First);
   }
-  else
+  else if (!progress.Done.empty())
   {
     std::fprintf(stderr, "quell: --resume: %d of %d frames are there already and are not made again\n",
       int(progress.Done.size()), run.End - run.First);
   }
 }
 
-/// Keeps the file from which an interrupted run goes on; only for sequences with history.
+/// Keeps the file from which an interrupted run goes on: the history of the last frame, for sequences that have one,
+/// and the samples of a frame that was finished early.
 class Checkpoints
 {
 public:
@@ -237,9 +254,10 @@ public:
   {
     this->On = run.Executor->HasDelays() && run.End - this->Start > 1;
     this->File = CheckpointPath(*run.Executor);
+    // Opens all inputs: only where it is needed before the end of the run.
     if (this->On)
     {
-      this->Identity = IdentityOf(*run.Executor, run.Region, this->Start, QUELL_VERSION);
+      this->Identity = this->IdentityOfRun();
     }
   }
 
@@ -247,7 +265,7 @@ public:
   void MentionOld() const
   {
     std::error_code code;
-    if (this->On && std::filesystem::exists(this->File, code))
+    if (std::filesystem::exists(this->File, code))
     {
       std::fprintf(stderr,
         "quell: %s of a run that was not completed is there; starting from frame %d, --resume would go on\n",
@@ -261,41 +279,62 @@ public:
   int Resume()
   {
     std::error_code code;
-    if (!this->On || !std::filesystem::exists(this->File, code))
+    if (!std::filesystem::exists(this->File, code))
     {
       std::fprintf(stderr, "quell: --resume: there is no checkpoint %s; starting from frame %d\n", this->File.c_str(),
         this->Start);
       return this->Start;
     }
-    try
+    const Checkpoint checkpoint = this->Read();
+    // Without a whole frame there may still be samples of the first one.
+    const bool samplesOnly = checkpoint.Tick + 1 == this->Start && !checkpoint.Work.empty();
+    if ((checkpoint.Tick < this->Start && !samplesOnly) || checkpoint.Tick + 1 >= this->Run.End)
     {
-      const Checkpoint checkpoint = ReadCheckpoint(this->File);
-      const std::string difference = DifferenceOf(checkpoint.Identity, this->Identity);
-      if (!difference.empty())
-      {
-        throw UsageError(
-          "--resume: checkpoint " + this->File + " is of another run: " + difference + "; nothing was executed");
-      }
-      if (checkpoint.Tick < this->Start || checkpoint.Tick + 1 >= this->Run.End)
-      {
-        throw UsageError("--resume: checkpoint " + this->File + " is of frame " + std::to_string(checkpoint.Tick) +
-                         ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" +
-                         std::to_string(this->Run.End - 1) + " to be made; nothing was executed");
-      }
-      std::string error;
-      if (!Restore(*this->Run.Executor, checkpoint, error))
-      {
-        throw UsageError("--resume: checkpoint " + this->File + ": " + error);
-      }
-      this->Saved = this->Finished = checkpoint.Tick;
-      this->Any = true;
+      throw UsageError("--resume: checkpoint " + this->File + " is of frame " + std::to_string(checkpoint.Tick) +
+                       ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" +
+                       std::to_string(this->Run.End - 1) + " to be made; nothing was executed");
     }
-    catch (const StageError& e)
+    std::string error;
+    if (!samplesOnly && !Restore(*this->Run.Executor, checkpoint, error))
     {
-      throw UsageError(std::string("--resume: ") + e.what() + "; delete it to start from the beginning");
+      throw UsageError("--resume: checkpoint " + this->File + ": " + error);
     }
+    this->TakeWork(checkpoint);
+    if (samplesOnly)
+    {
+      return this->Start;
+    }
+    this->Saved = this->Finished = checkpoint.Tick;
+    this->Any = true;
     std::fprintf(stderr, "quell: --resume: going on after frame %d, from %s\n", this->Saved, this->File.c_str());
     return this->Saved + 1;
+  }
+
+  /// The frame whose samples were saved, of a run without history.
+  std::optional<int> ResumeWork()
+  {
+    std::error_code code;
+    if (!std::filesystem::exists(this->File, code))
+    {
+      return {};
+    }
+    this->TakeWork(this->Read());
+    return this->Work.empty() ? std::optional<int>() : std::optional<int>(this->WorkTick);
+  }
+
+  void BeforeFrame(int tick)
+  {
+    if (this->Work.empty() || tick != this->WorkTick)
+    {
+      return;
+    }
+    std::string error;
+    this->Loaded = this->Run.Executor->LoadWork(this->Work, error);
+    if (!this->Loaded)
+    {
+      std::fprintf(stderr, "quell: warning: %s: %s; frame %d is made anew\n", this->File.c_str(), error.c_str(), tick);
+    }
+    this->Work.clear();
   }
 
   /// After a whole frame. Writing may take a tenth of the time: small frames are not slowed down, and a run that stops
@@ -304,10 +343,22 @@ public:
   {
     this->Finished = tick;
     this->Any = true;
+    if (!this->On && this->Loaded && tick == this->WorkTick)
+    {
+      std::error_code code;
+      std::filesystem::remove(this->File, code); // this frame is whole now
+    }
     if (this->On && SecondsSince(this->LastWrite) >= 10 * this->Cost)
     {
       this->Write();
     }
+  }
+
+  /// After a frame that was finished early: its samples are written in End().
+  void FramePartial(int tick)
+  {
+    this->Work = this->Run.Executor->SaveWork();
+    this->WorkTick = tick;
   }
 
   void End(bool complete)
@@ -315,9 +366,15 @@ public:
     std::error_code code;
     if (complete)
     {
-      if (this->On)
+      std::filesystem::remove(this->File, code);
+      return;
+    }
+    if (!this->Work.empty())
+    {
+      if (this->Write())
       {
-        std::filesystem::remove(this->File, code);
+        std::fprintf(stderr, "quell: --resume goes on with the samples of frame %d, from %s\n", this->WorkTick,
+          this->File.c_str());
       }
       return;
     }
@@ -332,16 +389,67 @@ public:
   }
 
 private:
-  void Write()
+  RunIdentity IdentityOfRun() const
+  {
+    // Frames without history are the same wherever a run starts.
+    return IdentityOf(
+      *this->Run.Executor, this->Run.Region, this->Run.Executor->HasDelays() ? this->Start : 0, QUELL_VERSION);
+  }
+
+  /// Throws UsageError when it is damaged or not of this run.
+  Checkpoint Read()
+  {
+    try
+    {
+      Checkpoint checkpoint = ReadCheckpoint(this->File);
+      if (this->Identity.empty())
+      {
+        this->Identity = this->IdentityOfRun();
+      }
+      const std::string difference = DifferenceOf(checkpoint.Identity, this->Identity);
+      if (!difference.empty())
+      {
+        throw UsageError(
+          "--resume: checkpoint " + this->File + " is of another run: " + difference + "; nothing was executed");
+      }
+      return checkpoint;
+    }
+    catch (const StageError& e)
+    {
+      throw UsageError(std::string("--resume: ") + e.what() + "; delete it to start from the beginning");
+    }
+  }
+
+  void TakeWork(const Checkpoint& checkpoint)
+  {
+    if (checkpoint.Work.empty() || checkpoint.WorkTick >= this->Run.End ||
+        checkpoint.WorkTick < this->Run.First - this->Run.History.Frames)
+    {
+      return;
+    }
+    this->Work = checkpoint.Work;
+    this->WorkTick = checkpoint.WorkTick;
+    std::fprintf(
+      stderr, "quell: --resume: going on with the samples of frame %d, from %s\n", this->WorkTick, this->File.c_str());
+  }
+
+  bool Write()
   {
     const Clock::time_point start = Clock::now();
+    if (this->Identity.empty())
+    {
+      this->Identity = this->IdentityOfRun();
+    }
     Checkpoint checkpoint;
     checkpoint.Identity = this->Identity;
-    checkpoint.Tick = this->Finished;
+    checkpoint.Tick = this->Any ? this->Finished : this->Start - 1;
     if (const FrameHistory::Frame* frame = this->Run.Executor->GetHistory().FindFrame(this->Finished))
     {
       checkpoint.Frame = *frame;
     }
+    checkpoint.Work = this->Work;
+    checkpoint.WorkTick = this->WorkTick;
+    bool good = true;
     try
     {
       WriteCheckpoint(this->File, checkpoint);
@@ -354,20 +462,23 @@ private:
         this->Line->Clear();
       }
       std::fprintf(stderr, "quell: warning: %s; this run cannot be resumed\n", e.what());
-      this->On = false;
+      this->On = good = false;
     }
     this->LastWrite = Clock::now();
     this->Cost = SecondsSince(start);
+    return good;
   }
 
   static constexpr int NoTick = std::numeric_limits<int>::min();
   PreparedRun& Run;
   int Start;
-  bool On = false, Any = false;
+  bool On = false, Any = false, Loaded = false;
   std::string File;
   RunIdentity Identity;
   ProgressLine* Line = nullptr;
   int Finished = NoTick, Saved = NoTick;
+  PipelineExecutor::Work Work; ///< read and not yet given to the executor, or to be written
+  int WorkTick = 0;
   Clock::time_point LastWrite = Clock::now();
   double Cost = 0;
 };
@@ -432,7 +543,7 @@ bool WriteStats(const std::string& file, const PreparedRun& run, int frames, dou
     const StageCounters& k = c.Counters;
     out["nodes"].push_back({ { "id", c.Path }, { "type", c.Type }, { "executions", k.Executions },
       { "pixels", k.Pixels }, { "bytes", k.Bytes }, { "rays", k.Rays }, { "paths", k.Paths }, { "taps", k.Taps },
-      { "nonFinite", k.NonFinite }, { "seconds", k.Seconds } });
+      { "nonFinite", k.NonFinite }, { "held", k.Held }, { "seconds", k.Seconds } });
   }
   std::ofstream stream(file);
   stream << out.dump(2) << "\n";
@@ -484,6 +595,7 @@ int RunCommand(const RunArguments& arguments)
   }
   else if (arguments.Resume)
   {
+    resumed.Unfinished = checkpoints.ResumeWork();
     SkipFinishedFrames(run, metadata, resumed);
   }
   else
@@ -507,7 +619,16 @@ int RunCommand(const RunArguments& arguments)
   FrameProgress progress(executor);
   int done = 0;
   executor.SetProgress(
-    [&](const std::string& node, double fraction) { line.Update(done, progress.Update(node, fraction), node); });
+    [&](const std::string& node, double fraction)
+    {
+      const vtkQuellStage* stage = line.IsShown() ? executor.GetStage(node) : nullptr;
+      const SamplingStatus sampling = stage ? stage->GetSamplingStatus() : SamplingStatus();
+      // Samples of an earlier run took no time in this one.
+      const double before = sampling.Target > 0 ? std::min(0.999, double(sampling.Begun) / sampling.Target) : 0.;
+      fraction = std::max(0., fraction - before) / (1 - before);
+      line.Update(done, progress.Update(node, fraction), node, sampling);
+    },
+    line.IsShown());
 
   const Clock::time_point start = Clock::now();
   std::vector<std::string> files;
@@ -525,6 +646,7 @@ int RunCommand(const RunArguments& arguments)
     const TickMode mode = tick < run.First     ? TickMode::WarmUp
                           : tick + 1 < run.End ? TickMode::Frame
                                                : TickMode::LastFrame;
+    checkpoints.BeforeFrame(tick);
     const TickResult result = executor.RunTick(tick, mode);
     for (const std::string& w : result.Warnings)
     {
@@ -550,11 +672,29 @@ int RunCommand(const RunArguments& arguments)
       break;
     }
     files.insert(files.end(), result.Files.begin(), result.Files.end());
+    if (!result.Partial.empty())
+    {
+      line.Clear();
+      checkpoints.FramePartial(tick);
+      const std::string written =
+        result.Files.empty() ? "nothing of it is written" : "it is written to " + Enumerated(result.Files);
+      std::fprintf(stderr, "quell: interrupted: frame %d has %s, %s; %d of %d frames are whole\n", tick,
+        result.Partial.c_str(), written.c_str(), finished, frames);
+      status = ExitInterrupted;
+      break;
+    }
     finished += mode != TickMode::WarmUp;
     ++done;
     checkpoints.FrameDone(tick);
     frameSeconds.push_back(SecondsSince(frameStart));
     line.FrameDone(tick, done, frameSeconds.back());
+    if (token->IsFinishing() && done < ticks)
+    {
+      line.Clear();
+      std::fprintf(stderr, "quell: interrupted after frame %d; %d of %d frames are whole\n", tick, finished, frames);
+      status = ExitInterrupted;
+      break;
+    }
   }
   line.Clear();
   checkpoints.End(status == ExitDone);

@@ -44,6 +44,21 @@ void WriteInteger(vtkFieldData* data, const char* name, long long v)
   array->InsertNextValue(v);
   data->AddArray(array);
 }
+std::string ReadText(vtkFieldData* data, const char* name)
+{
+  auto array = vtkStringArray::SafeDownCast(data->GetAbstractArray(name));
+  return array && array->GetNumberOfValues() == 1 ? std::string(array->GetValue(0)) : std::string();
+}
+/// An empty text is not written.
+void WriteText(vtkFieldData* data, const char* name, const std::string& text)
+{
+  if (text.empty())
+    return;
+  vtkNew<vtkStringArray> array;
+  array->SetName(name);
+  array->InsertNextValue(text);
+  data->AddArray(array);
+}
 }
 
 FrameFacts FrameFacts::Read(vtkFieldData* data)
@@ -63,9 +78,8 @@ FrameFacts FrameFacts::Read(vtkFieldData* data)
   if (ReadInteger(data, "samplesPerPixel", v))
     f.SamplesPerPixel = int(v);
   ReadInteger(data, "seed", f.Seed);
-  if (auto scene = vtkStringArray::SafeDownCast(data->GetAbstractArray("scene")))
-    if (scene->GetNumberOfValues() == 1)
-      f.Scene = scene->GetValue(0);
+  f.Scene = ReadText(data, "scene");
+  f.Partial = ReadText(data, "partial");
   return f;
 }
 
@@ -82,12 +96,7 @@ void FrameFacts::Write(vtkFieldData* data) const
   WriteInteger(data, "tick", this->Tick);
   WriteInteger(data, "seed", this->Seed);
   WriteInteger(data, "samplesPerPixel", this->SamplesPerPixel);
-  if (!this->Scene.empty())
-  {
-    vtkNew<vtkStringArray> scene;
-    scene->SetName("scene");
-    scene->InsertNextValue(this->Scene);
-    data->AddArray(scene);
-  }
+  WriteText(data, "scene", this->Scene);
+  WriteText(data, "partial", this->Partial);
 }
 }

@@ -24,7 +24,8 @@ struct VTKQUELLCORE_EXPORT FrameFacts
   int Tick = 0;
   double Time = 0; ///< scene seconds
   long long Seed = 0;
-  int SamplesPerPixel = 0;
+  int SamplesPerPixel = 0; ///< spent on this frame
+  std::string Partial;     ///< "312 of 4096 samples": the frame was finished early; empty: it is complete
   std::string Scene; ///< content hash of what was rendered; empty: unknown
 
   /// Missing entries leave the defaults.

@@ -36,6 +36,8 @@ const std::vector<ArrayType>& KnownArrays()
     { "roughness", ArrayKind::Scalar, 1, 0, "roughness at the albedo's vertex" },
     { "hitDistance", ArrayKind::Scalar, 1, inf, "length of the first indirect segment" },
     { "variance", ArrayKind::Variance, 1, 0, "variance of the pixel's mean luminance" },
+    { "varianceAlbedo", ArrayKind::Variance, 1, 0, "variance of the pixel's mean albedo" },
+    { "varianceNormal", ArrayKind::Variance, 1, 0, "variance of the pixel's mean normal" },
     { "halfA", ArrayKind::Color, 3, 0, "mean of the even samples' radiance" },
     { "halfB", ArrayKind::Color, 3, 0, "mean of the odd samples' radiance" },
     { "moments", ArrayKind::Moments, 2, 0, "mean and central second moment of luminance" },

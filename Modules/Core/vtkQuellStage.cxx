@@ -27,9 +27,6 @@ using SDDP = vtkStreamingDemandDrivenPipeline;
 
 namespace
 {
-/// Stands for "your first output" where a stock VTK filter, which works on active scalars, lies in between.
-const char* const PrimaryArray = "@primary";
-
 quell::Rect RectOf(const int e[6])
 {
   return { e[0], e[2], e[1] + 1, e[3] + 1 };
@@ -76,6 +73,11 @@ void vtkQuellStage::InitializePorts()
   this->Ports.clear();
   for (size_t i = 0; i < inputs.size(); ++i)
     this->Ports.emplace_back(new PortState);
+}
+
+const char* vtkQuellStage::PrimaryArray()
+{
+  return "@primary";
 }
 
 vtkQuellArraySetKey* vtkQuellStage::REQUESTED_ARRAYS()
@@ -221,6 +223,12 @@ bool vtkQuellStage::SetInputAttribute(int port, int, const std::string& name, co
   return false;
 }
 
+bool vtkQuellStage::LoadWork(const std::string&, std::string& error)
+{
+  error = "this type of stage keeps no work";
+  return false;
+}
+
 int vtkQuellStage::HaloFor(int port) const
 {
   const int halo = this->GetDescription().Inputs.at(port).Halo;
@@ -274,9 +282,9 @@ quell::ArraySet vtkQuellStage::WantedFrom(vtkInformation* outInfo) const
   if (outInfo->Has(REQUESTED_ARRAYS()))
     wanted = REQUESTED_ARRAYS()->Read(outInfo);
   else
-    wanted.insert(PrimaryArray);
+    wanted.insert(PrimaryArray());
   wanted.erase(std::string());
-  if (wanted.erase(PrimaryArray) && !outputs.empty())
+  if (wanted.erase(PrimaryArray()) && !outputs.empty())
     wanted.insert(outputs.front().Name);
   wanted.insert(this->AlwaysMake.begin(), this->AlwaysMake.end());
   return wanted;
@@ -379,7 +387,7 @@ int vtkQuellStage::RequestUpdateExtent(
           if (!description.FindOutput(name))
             names.insert(name);
       if (!info->Has(IS_QUELL_STAGE()) && (needed || names.size() > 1))
-        names.insert(PrimaryArray);
+        names.insert(PrimaryArray());
       REQUESTED_ARRAYS()->Unite(info, names);
       const auto found = regions.find(info);
       if (found == regions.end())
@@ -447,6 +455,11 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
     }
     else
       frame.OutputFacts.Tick = frame.FrameTick;
+    // Whatever is made of an unfinished frame is unfinished.
+    for (const auto& images : frame.Images)
+      for (vtkImageData* image : images)
+        if (image && frame.OutputFacts.Partial.empty())
+          frame.OutputFacts.Partial = quell::FrameFacts::Read(image->GetFieldData()).Partial;
 
     bool makes = false;
     for (const quell::OutputArray& made : description.Outputs)
@@ -509,7 +522,7 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
   output->GetInformation()->Set(vtkDataObject::DATA_TIME_STEP(), double(frame.FrameTick));
   quell::ArraySet provided = asked;
   provided.insert(std::string());
-  provided.insert(PrimaryArray);
+  provided.insert(PrimaryArray());
   for (const auto& view : frame.Views)
     provided.insert(view.first);
   PROVIDED_ARRAYS()->Write(output->GetInformation(), provided);
@@ -539,7 +552,7 @@ struct TileLoop
 }
 
 void vtkQuellStage::ForEachTile(
-  const quell::Rect& region, int tileSize, const std::function<void(const quell::Rect&)>& body)
+  const quell::Rect& region, int tileSize, const std::function<void(const quell::Rect&)>& body, double from, double to)
 {
   if (region.empty())
     return;
@@ -576,7 +589,7 @@ void vtkQuellStage::ForEachTile(
     const vtkIdType n = ++done;
     // Observers may touch a user interface, so only the calling thread reports.
     if (std::this_thread::get_id() == caller && count > 1)
-      this->UpdateProgress(double(n) / double(count));
+      this->UpdateProgress(from + (to - from) * (double(n) / double(count)));
   };
   vtkSMPTools::For(0, count, 1, loop);
   if (failure)

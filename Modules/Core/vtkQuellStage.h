@@ -56,7 +56,17 @@ struct StageCounters
   std::int64_t Paths = 0;      ///< camera paths traced (sources)
   std::int64_t Taps = 0;       ///< filter taps read
   std::int64_t NonFinite = 0;  ///< non-finite input pixels replaced
+  std::int64_t Held = 0;       ///< bytes that the stage itself holds on to after the last execution, outputs included
   double Seconds = 0;          ///< wall time in Execute
+};
+
+/// Where a stage that samples is; a snapshot of the last whole pass.
+struct SamplingStatus
+{
+  int Samples = 0, Target = 0;       ///< per pixel; Target 0: the stage does not sample
+  int Begun = 0;                     ///< of Samples, those that were there when the execution began
+  double SamplesPerSecond = 0;       ///< of all pixels together; 0: not known yet
+  double Noise = -1;                 ///< median over pixels with noise: standard error / mean of luminance; -1: unknown
 };
 
 /// When frames happen: tick t is at scene time t / Rate; ticks run over [First, First + Count).
@@ -124,7 +134,25 @@ public:
   virtual bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error);
   /// Lines for `quell explain`: what this stage leaves out in this scene and why.
+  /// What a pass would ask of the stage is in its output information (REQUESTED_ARRAYS) while this is called.
   virtual std::vector<std::string> Explain() { return {}; }
+  /// What a pixel costs, in units of a usual filter: weighs the stages of a progress bar before there are times.
+  virtual double CostPerPixel() const { return 1; }
+
+  /// Of the execution at work, for observers of its progress; on the thread that updates.
+  virtual quell::SamplingStatus GetSamplingStatus() const { return {}; }
+  /// Somebody looks at the progress: stages may spend a little on estimating what they report (noise). Changes no
+  /// output.
+  void SetWatched(bool watched) { this->Watched = watched; }
+
+  ///@{
+  /// The work in a frame that was finished early (CancelToken::Finish), as bytes with which another object of the same
+  /// class, properties and inputs goes on, bit for bit as if it had not been interrupted. Empty: there is none.
+  /// LoadWork is for the next execution; false (with a sentence) when the bytes make no sense. Work that turns out to
+  /// be of something else is left aside with a warning.
+  virtual std::string SaveWork() const { return std::string(); }
+  virtual bool LoadWork(const std::string& bytes, std::string& error);
+  ///@}
 
   /// Refuses what can be refused without input and without pixels: a view that the configuration lacks, a file name
   /// whose format nobody writes, a missing scene. Throws quell::StageError; called for every node before a pipeline
@@ -149,6 +177,9 @@ public:
   /// the default, is right for filters (the past passes them whole) and the safe answer of a stage that does not know.
   virtual double HistoryWeight(int port) const;
 
+  /// Stands in a set of names for "your first output": asked for where a stock VTK filter, which works on active
+  /// scalars, lies in between.
+  static const char* PrimaryArray();
   static vtkQuellArraySetKey* REQUESTED_ARRAYS();
   static vtkQuellArraySetKey* PROVIDED_ARRAYS();
   /// Marks the output information of a Quell stage or collector: it speaks for itself about arrays.
@@ -177,9 +208,13 @@ protected:
   virtual void ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const;
 
   /// Runs `body` over the tiles of `region` in parallel, with progress and cancellation (throws
-  /// StageError("cancelled")).
-  void ForEachTile(const quell::Rect& region, int tileSize, const std::function<void(const quell::Rect&)>& body);
+  /// StageError("cancelled")). Progress goes from `from` to `to`.
+  void ForEachTile(const quell::Rect& region, int tileSize, const std::function<void(const quell::Rect&)>& body,
+    double from = 0, double to = 1);
   bool IsCancelled() const { return this->Token && this->Token->IsCancelled(); }
+  /// Stop sampling after the pass at work.
+  bool IsFinishing() const { return this->Token && this->Token->IsFinishing(); }
+  bool IsWatched() const { return this->Watched; }
 
   int FillInputPortInformation(int port, vtkInformation* info) override;
   int RequestInformation(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
@@ -200,6 +235,7 @@ private:
   quell::ArraySet AlwaysMake;
   std::shared_ptr<quell::CancelToken> Token;
   std::string ErrorText;
+  bool Watched = false;
 
   vtkQuellStage(const vtkQuellStage&) = delete;
   void operator=(const vtkQuellStage&) = delete;

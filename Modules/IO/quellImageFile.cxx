@@ -341,6 +341,7 @@ FrameFacts FactsOf(const OIIO::ImageSpec& spec, const std::map<std::string, std:
     facts.SamplesPerPixel = std::max(0, spec.get_int_attribute("samplesPerPixel", 0));
   ParseDoubles(find("time"), &facts.Time, 1);
   facts.Scene = find("scene");
+  facts.Partial = find("partial");
   return facts;
 }
 
@@ -987,6 +988,8 @@ void WriteExr(const std::string& path, const std::string& temporary, const std::
   spec.attribute("quell:samplesPerPixel", std::to_string(facts.SamplesPerPixel));
   if (!facts.Scene.empty())
     spec.attribute("quell:scene", facts.Scene);
+  if (!facts.Partial.empty())
+    spec.attribute("quell:partial", facts.Partial);
 
   auto output = OIIO::ImageOutput::create("openexr");
   if (!output)

@@ -27,7 +27,7 @@ namespace quell
 namespace
 {
 const char Magic[8] = { 'Q', 'U', 'E', 'L', 'L', 'C', 'K', 'P' };
-const std::uint32_t FormatVersion = 1;
+const std::uint32_t FormatVersion = 2;
 const std::uint64_t HeadBytes = sizeof Magic + 4 + 8, HashBytes = 8;
 
 static_assert(sizeof(float) == 4 && sizeof(double) == 8, "the file's number formats");
@@ -429,6 +429,11 @@ void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
         }
       }
     }
+    size += 4 + 4;
+    for (const auto& i : checkpoint.Work)
+    {
+      size += strings(i.first) + 8 + i.second.size();
+    }
     w.Bytes(Magic, sizeof Magic);
     w.Number(FormatVersion);
     w.Number(size);
@@ -443,6 +448,14 @@ void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
     for (const auto& i : checkpoint.Frame)
     {
       WriteImage(w, i.second, i.first);
+    }
+    w.Number(std::int32_t(checkpoint.WorkTick));
+    w.Number(std::uint32_t(checkpoint.Work.size()));
+    for (const auto& i : checkpoint.Work)
+    {
+      w.String(i.first);
+      w.Number(std::uint64_t(i.second.size()));
+      w.Bytes(i.second.data(), i.second.size());
     }
     w.Number(w.Hash.Value());
     w.Stream.close();
@@ -499,6 +512,16 @@ Checkpoint ReadCheckpoint(const std::string& file)
     {
       const std::string producer = r.String();
       checkpoint.Frame[producer] = ReadImage(r);
+    }
+    checkpoint.WorkTick = r.Number<std::int32_t>();
+    for (std::uint32_t i = r.Count(12); i > 0; --i)
+    {
+      const std::string node = r.String();
+      const std::uint64_t bytes = r.Number<std::uint64_t>();
+      r.Need(bytes);
+      std::string& work = checkpoint.Work[node];
+      work.resize(std::size_t(bytes));
+      r.Bytes(&work[0], work.size());
     }
     const std::uint64_t expected = r.Hash.Value();
     if (r.Number<std::uint64_t>() != expected || r.Left != 0)

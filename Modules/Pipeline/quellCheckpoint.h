@@ -23,22 +23,26 @@ VTKQUELLPIPELINE_EXPORT RunIdentity IdentityOf(
 /// 0.2`.
 VTKQUELLPIPELINE_EXPORT std::string DifferenceOf(const RunIdentity& before, const RunIdentity& now);
 
-/// The state of a run after a frame, as a file. Little endian, lengths as u32 or u64, no padding:
+/// The state of a run after a frame, and the work in a later one that was finished early, as a file. Little endian,
+/// lengths as u32 or u64, no padding:
 ///
-///     "QUELLCKP" u32 version = 1, u64 size of the whole file, i32 tick
+///     "QUELLCKP" u32 version = 2, u64 size of the whole file, i32 tick
 ///     u32 n, n x { string label, string value }                                     the identity
 ///     u32 n, n x { string producer, i32 extent[4] (x0, x1, y0, y1 inclusive), f64 origin[3], f64 spacing[3],
 ///                  u32 m, m x { string name, u32 components, float32 values[] },     rows from the bottom
 ///                  u32 f, f x { string name, u8 kind, u32 count, values }            field data: 0 f64, 1 i64, 2
 ///                  string
+///     i32 tick of the unfinished frame, u32 n, n x { string node, u64 bytes, bytes }  vtkQuellStage::SaveWork
 ///     u64 ContentHash of everything before
 ///
 /// where a string is a u32 length and that many bytes.
 struct VTKQUELLPIPELINE_EXPORT Checkpoint
 {
   RunIdentity Identity;
-  int Tick = 0;
+  int Tick = 0; ///< the last whole frame; its history is Frame
   FrameHistory::Frame Frame;
+  int WorkTick = 0; ///< what Work is of; behind Tick
+  PipelineExecutor::Work Work;
 };
 
 /// Writes under a temporary name beside `file` and renames. Throws StageError with the file's name and the reason.
@@ -47,8 +51,8 @@ VTKQUELLPIPELINE_EXPORT void WriteCheckpoint(const std::string& file, const Chec
 /// before anything of that size is allocated.
 VTKQUELLPIPELINE_EXPORT Checkpoint ReadCheckpoint(const std::string& file);
 
-/// Gives the executor the history of the checkpoint. False (with a sentence) when what the next frame reads is not in
-/// it or has another size; then nothing is changed.
+/// Gives the executor the history of the checkpoint (its work not). False (with a sentence) when what the next frame
+/// reads is not in it or has another size; then nothing is changed.
 VTKQUELLPIPELINE_EXPORT bool Restore(PipelineExecutor& executor, const Checkpoint& checkpoint, std::string& error);
 
 /// `<directory of the first file written>/<name of the pipeline file>.checkpoint`.

@@ -1,20 +1,37 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellExplain.h"
 
+#include "vtkInformation.h"
+#include "vtkQuellArraySetKey.h"
+
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <set>
 
 namespace quell
 {
 namespace
 {
+/// Numbered names in a row are drawn together: bounce1 ... bounce64.
 std::string Joined(const std::vector<std::string>& names)
 {
+  const auto stem = [](const std::string& n) { return n.substr(0, n.find_last_not_of("0123456789") + 1); };
   std::string text;
-  for (const std::string& n : names)
+  for (std::size_t i = 0; i < names.size();)
   {
-    text += (text.empty() ? "" : ", ") + n;
+    std::size_t end = i + 1;
+    while (end < names.size() && stem(names[end]) == stem(names[i]) &&
+           names[end] == stem(names[i]) + std::to_string(std::atoi(names[end - 1].c_str() + stem(names[i]).size()) + 1))
+    {
+      ++end;
+    }
+    if (end < i + 4)
+    {
+      end = i + 1;
+    }
+    text += (text.empty() ? "" : ", ") + names[i] + (end > i + 1 ? " ... " + names[end - 1] : "");
+    i = end;
   }
   return text;
 }
@@ -307,10 +324,13 @@ ExecutionPlan MakePlan(
         }
       }
     }
+    vtkInformation* asked = stage->GetOutputInformation(0);
+    vtkQuellStage::REQUESTED_ARRAYS()->Write(asked, d.Asked);
     for (const std::string& line : stage->Explain())
     {
       planned.Notes.push_back(line);
     }
+    asked->Remove(vtkQuellStage::REQUESTED_ARRAYS());
     for (const Property& p : description.Properties)
     {
       const std::string text = p.GetText(stage);

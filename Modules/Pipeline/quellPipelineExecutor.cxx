@@ -187,6 +187,7 @@ void PipelineExecutor::Rebuild()
     }
     stage->SetTimeline(this->Plan->Ticks);
     stage->SetCancelToken(this->Token);
+    stage->SetWatched(this->Watched);
     stage->SetMetadata(this->Metadata);
     this->Watch->Add(stage, node.Path);
     this->Stages[n] = stage;
@@ -277,9 +278,50 @@ void PipelineExecutor::SetWriteOutputs(bool on)
   this->Rebuild();
 }
 
-void PipelineExecutor::SetProgress(std::function<void(const std::string&, double)> progress)
+void PipelineExecutor::SetProgress(std::function<void(const std::string&, double)> progress, bool watched)
 {
   this->Watch->Progress = std::move(progress);
+  this->Watched = this->Watch->Progress && watched;
+  for (const auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      stage->SetWatched(this->Watched);
+    }
+  }
+}
+
+PipelineExecutor::Work PipelineExecutor::SaveWork() const
+{
+  Work work;
+  for (std::size_t n = 0; n < this->Stages.size(); ++n)
+  {
+    std::string bytes = this->Live[n] && this->Stages[n] ? this->Stages[n]->SaveWork() : std::string();
+    if (!bytes.empty())
+    {
+      work[this->Plan->Nodes[n].Path] = std::move(bytes);
+    }
+  }
+  return work;
+}
+
+bool PipelineExecutor::LoadWork(const Work& work, std::string& error)
+{
+  for (const auto& w : work)
+  {
+    vtkQuellStage* stage = this->GetStage(w.first);
+    if (!stage)
+    {
+      error = "no live node " + Quoted(w.first);
+      return false;
+    }
+    if (!stage->LoadWork(w.second, error))
+    {
+      error = "node " + Quoted(w.first) + ": " + error;
+      return false;
+    }
+  }
+  return true;
 }
 
 void PipelineExecutor::SetHistoryLength(int ticks)
@@ -454,7 +496,7 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
   vtkQuellStage* const failed = this->Watch->FirstFailed;
   if (failed)
   {
-    this->Token->Reset();
+    this->Token->ResetCancel();
   }
   // Neither does a connection to us keep a stage from being thrown away, nor does one from an earlier pass linger.
   this->Collector->ClearRequests();
@@ -497,6 +539,20 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
     return result;
   }
 
+  for (int n : this->Plan->Order)
+  {
+    vtkQuellStage* stage = this->Stages[std::size_t(n)];
+    if (this->Live[std::size_t(n)] && stage && result.Partial.empty())
+    {
+      result.Partial = FrameFacts::Read(stage->GetOutput()->GetFieldData()).Partial;
+    }
+  }
+  result.Ok = true;
+  if (!result.Partial.empty())
+  {
+    return result;
+  }
+
   FrameHistory::Frame frame;
   for (const auto& k : this->Kept)
   {
@@ -508,7 +564,6 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
   {
     this->History.Commit(tick, std::move(frame));
   }
-  result.Ok = true;
   return result;
 }
 

@@ -40,6 +40,7 @@ struct TickResult
   bool Ok = false;
   bool Cancelled = false;
   std::string Error;                 ///< `node "blur" (BilateralFilter): sentence`
+  std::string Partial;               ///< "312 of 4096 samples": Ok, but finished early (CancelToken::Finish)
   std::vector<std::string> Files;    ///< written in this tick
   std::vector<std::string> Warnings; ///< `node "pt" (PathTraceSource): sentence`
 };
@@ -74,7 +75,8 @@ public:
   /// Outputs with files and sinks; off for viewers, which only Request().
   void SetWriteOutputs(bool on);
   /// `progress` is called on the thread of RunTick with a node's path and how much of it is done, in [0, 1].
-  void SetProgress(std::function<void(const std::string& node, double fraction)> progress);
+  /// `watched`: somebody reads GetSamplingStatus in it, so stages estimate their noise.
+  void SetProgress(std::function<void(const std::string& node, double fraction)> progress, bool watched = true);
   /// Ticks of history to keep, default 3.
   void SetHistoryLength(int ticks);
   ///@}
@@ -85,7 +87,15 @@ public:
   /// Puts what producers had on a tick in place of running it (Checkpoint). Images must cover the whole frame.
   void SetHistory(int tick, FrameHistory::Frame frame) { this->History.Commit(tick, std::move(frame)); }
 
+  /// A partial frame is written but not committed to the history: what follows needs it whole.
   TickResult RunTick(int tick, TickMode mode = TickMode::LastFrame);
+
+  ///@{
+  /// Node -> its work in a frame that was finished early; LoadWork is for the next tick that runs (see vtkQuellStage).
+  using Work = std::map<std::string, std::string>;
+  Work SaveWork() const;
+  bool LoadWork(const Work& work, std::string& error);
+  ///@}
 
   /// The frame's size as `node` has it, without executing anything. False fills `error` (`node "x" (T): sentence`).
   bool FrameSize(const std::string& node, int& width, int& height, std::string& error);
@@ -137,6 +147,7 @@ private:
   std::map<std::string, std::string> Metadata;
   FrameHistory History;
   bool WriteOutputs = true;
+  bool Watched = false;
   bool Stale = true; ///< the live set changed
 };
 }

@@ -2,10 +2,14 @@
 #ifndef quellBsdf_h
 #define quellBsdf_h
 
+#include "quellEnergyTables.h"
+#include "quellSinCos.h"
 #include "quellVector.h"
+#include "vtkQuellRayTracingModule.h"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace quell
 {
@@ -17,18 +21,14 @@ inline Vec2f ConcentricDisc(float u, float v) noexcept
   const float a = 2 * u - 1, b = 2 * v - 1;
   if (a == 0 && b == 0)
     return {};
-  float r, t;
+  float sine, cosine;
   if (std::fabs(a) > std::fabs(b))
   {
-    r = a;
-    t = Pi / 4 * (b / a);
+    SinCosEighth(Pi / 4 * (b / a), sine, cosine);
+    return { a * cosine, a * sine };
   }
-  else
-  {
-    r = b;
-    t = Pi / 2 - Pi / 4 * (a / b);
-  }
-  return { r * std::cos(t), r * std::sin(t) };
+  SinCosEighth(Pi / 4 * (a / b), sine, cosine);
+  return { b * sine, b * cosine };
 }
 
 /// Orthonormal frame around a unit normal, valid everywhere (Duff et al. 2017).
@@ -70,7 +70,15 @@ inline float BalanceHeuristic(float a, float b) noexcept
   return !(a > 0) ? 0 : std::isinf(a) ? 1 : 1 / (1 + b / a);
 }
 
-/// GGX (Trowbridge-Reitz), isotropic, alpha = roughness^2.
+/// GGX (Trowbridge-Reitz), isotropic, alpha = roughness^2, height-correlated Smith masking-shadowing:
+///
+///   D = 1 / (pi alpha^2 cos^4 (1 + tan^2 / alpha^2)^2)          Walter et al. 2007, eq. 33
+///   Lambda = (sqrt(1 + alpha^2 tan^2) - 1) / 2                  Heitz 2014, eq. 72
+///   G1 = 1 / (1 + Lambda),  G2 = 1 / (1 + Lambda_o + Lambda_i)  Heitz 2014, eqs. 43, 99
+///
+/// With s(cos) = sqrt(cos^2 + alpha^2 sin^2) (`Smith`), 1 + 2 Lambda = s / cos and nothing is divided by a cosine:
+///
+///   G2 / (4 cos_o cos_i) = 1 / (2 (s_o cos_i + s_i cos_o)),   G1 / cos = 2 / (cos + s)
 namespace ggx
 {
 /// From the squared sine and the cosine of the angle between normal and half vector: near a mirror 1 - cos^2 has no
@@ -80,6 +88,11 @@ inline float D(float sin2, float cosine, float alpha) noexcept
   const float c2 = cosine * cosine, a2 = alpha * alpha;
   const float k = c2 * a2 + sin2; // = alpha^2 cos^2 (1 + tan^2 / alpha^2)
   return cosine > 0 && k > 0 ? a2 / (Pi * k * k) : 0;
+}
+inline float Smith(float cosine, float alpha2) noexcept
+{
+  const float c2 = cosine * cosine;
+  return std::sqrt(c2 + alpha2 * std::max(0.f, 1 - c2));
 }
 inline float Lambda(float cosine, float alpha) noexcept
 {
@@ -95,31 +108,63 @@ inline float G2(float co, float ci, float alpha) noexcept
 {
   return 1 / (1 + Lambda(co, alpha) + Lambda(ci, alpha));
 }
+/// D G2 cos_i / (4 cos_o cos_i): reflection for F = 1, times the cosine. Never divides by 0 where the cosines are not
+/// negative.
+inline float Reflection(float d, float co, float ci, float so, float si) noexcept
+{
+  return d * ci / std::max(2 * (so * ci + si * co), std::numeric_limits<float>::min());
+}
+/// D G1 / (4 cos_o): the pdf of reflection about visible normals, per solid angle (Heitz 2018).
+inline float ReflectionPdf(float d, float co, float so) noexcept
+{
+  return d / (2 * (co + so));
+}
+/// G2 / G1(o): the weight of a sampled visible normal (Heitz 2018).
+inline float MaskingRatio(float co, float ci, float so, float si) noexcept
+{
+  return ci > 0 ? ci * (co + so) / std::max(so * ci + si * co, std::numeric_limits<float>::min()) : 0;
+}
 
-/// Visible half vector for `wo` (local, wo.z > 0), by the projected hemisphere (Heitz 2018).
+/// Visible half vector for `wo` (local, wo.z > 0), by the projected hemisphere (Heitz 2018, "Sampling the GGX
+/// distribution of visible normals").
 inline Vec3f SampleVisibleNormal(const Vec3f& wo, float alpha, float u, float v) noexcept
 {
-  Vec3f w = Normalized(Vec3f(alpha * wo.x, alpha * wo.y, wo.z));
-  if (w.z < 0)
-    w = -w;
-  const Vec3f t1 = w.z < 0.99999f ? Normalized(Vec3f(-w.y, w.x, 0)) : Vec3f(1, 0, 0);
-  const Vec3f t2 = Cross(w, t1);
-  const float r = std::sqrt(u), phi = 2 * Pi * v;
-  const float px = r * std::cos(phi);
-  float py = r * std::sin(phi);
-  const float h = std::sqrt(std::max(0.f, 1 - px * px)), s = (1 + w.z) / 2;
-  py = h * (1 - s) + py * s;
-  const float pz = std::sqrt(std::max(0.f, 1 - px * px - py * py));
-  const Vec3f m = t1 * px + t2 * py + w * pz;
-  return Normalized(Vec3f(alpha * m.x, alpha * m.y, std::max(1e-6f, m.z)));
+  // in the frame of the plane through wo and the normal: first axis in it, second across
+  const float sine = std::sqrt(wo.x * wo.x + wo.y * wo.y);
+  const float turn = sine > 0 ? 1 / sine : 0, cx = wo.x * turn, cy = sine > 0 ? wo.y * turn : -1;
+  const float length = std::sqrt(alpha * alpha * (sine * sine) + wo.z * wo.z), scale = 1 / length;
+  const float wx = alpha * sine * scale, wz = wo.z * scale; // of the stretched wo
+  float sinPhi, cosPhi;
+  SinCosTurn(v, sinPhi, cosPhi);
+  const float r = std::sqrt(u), px = r * cosPhi, h2 = std::max(0.f, 1 - px * px), s = (1 + wz) / 2;
+  const float py = std::sqrt(h2) * (1 - s) + r * sinPhi * s;
+  const float pz = std::sqrt(std::max(0.f, h2 - py * py));
+  const float x = alpha * (pz * wx - py * wz), y = alpha * px, z = std::max(1e-6f, py * wx + pz * wz);
+  const float unit = 1 / std::sqrt(x * x + y * y + z * z);
+  return { (x * cx - y * cy) * unit, (x * cy + y * cx) * unit, z * unit };
+}
+
+/// The colour of light that was scattered several times, as a fraction of what single scattering lost: averages of the
+/// Fresnel factor over every scattering but the last ones, F^2 E / (1 - F (1 - E)) with F = F0 + (F90 - F0) / 21 and E
+/// the averages over the cosine (Fdez-Aguera 2019; Kulla, Conty 2017 with the first reflection counted too).
+/// 1 for F = 1.
+inline float MultipleFresnel(float f0, float f90, float average) noexcept
+{
+  const float f = f0 + (f90 - f0) / 21;
+  return f * f * average / (1 - f * (1 - average));
 }
 }
 
 /// Fresnel reflectance of a smooth dielectric for the cosine on the incident side (>= 0); eta = n_transmitted /
-/// n_incident. `cosTransmitted` is 0 at total internal reflection.
+/// n_incident > 0. `cosTransmitted` is 0 at total internal reflection.
 inline float FresnelDielectric(float cosine, float eta, float& cosTransmitted) noexcept
 {
   const float c = std::min(1.f, std::max(0.f, cosine));
+  if (eta == 1)
+  {
+    cosTransmitted = c;
+    return 0;
+  }
   const float sin2 = (1 - c * c) / (eta * eta);
   if (sin2 >= 1)
   {
@@ -142,205 +187,342 @@ inline float SchlickWeight(float cosine) noexcept
   return FifthPower(std::min(1.f, std::max(0.f, 1 - cosine)));
 }
 
-/// A material at one point, all textures resolved. Reflection is the glTF metallic-roughness model,
+/// The normals of a point, unit, on the side that `wo` is on, and which side that is.
+struct ShadingNormals
+{
+  Vec3f Geometric, Shading;
+  bool Front = true;     ///< wo is on the outside
+  Vec3f Coat{ 0, 0, 0 }; ///< of the clearcoat; zero: Shading
+};
+
+/// A material at one point, all textures resolved. Cosines are those with the shading normal, o the direction to the
+/// viewer, i to the light; f is for radiance arriving from i. All lobes share one roughness but the coat's.
 ///
-///   f = D G F / (4 cos_o cos_i) + diffuse (1 - Fd(cos_o)) (1 - Fd(cos_i)) / ((1 - Fd_avg) pi),
+/// Opaque part, the glTF metallic-roughness model with its energy balance closed:
 ///
-/// F Schlick's with F0 and F90 of the mix of metal and dielectric, Fd its dielectric part (largest channel), Fd_avg its
-/// cosine average F0 + (F90 - F0) / 21. glTF's own suggestion for the diffuse factor, 1 - Fd(o.h), creates energy (a
-/// white smooth dielectric reflects 1.7 at 87 degrees); this one is reciprocal, sums to at most 1 and is exactly
-/// Lambert when the material has no dielectric reflection. Below alpha = 1e-3 the reflection is a perfect mirror of
-/// weight F(cos_o). `Glass` is the part of the surface that transmits: a smooth dielectric with the exact Fresnel
-/// equations, refracting when `Eta` is not 0 and straight through (infinitely thin) else.
-struct Surface
+///   f = D G2 F / (4 cos_o cos_i)                                                      F = F0 + (F90 - F0) (1 - o.h)^5
+///     + Fms (1 - E(cos_o)) (1 - E(cos_i)) / (pi (1 - E_avg))                          several scatterings
+///     + diffuse (1 - Ed(cos_o)) (1 - Ed(cos_i)) / (pi (1 - Ed_avg))                   under the reflection
+///
+/// E is the directional albedo of the first term for F = 1 (EnergyTables), Fms its colour (ggx::MultipleFresnel); the
+/// second term is Kulla and Conty's. Ed is the albedo of both for the dielectric's largest F0, so that white stays
+/// white: every white material reflects exactly what arrives (within 1 %, the error of the tables). The form is
+/// reciprocal, and Lambert where there is no reflection. (glTF's suggestion for the diffuse term, times 1 - F(o.h),
+/// makes a white smooth dielectric reflect 1.7 at 87 degrees.) F0, F90 are those of the mix of metal and dielectric.
+///
+/// `Glass` is the part that transmits, with exact Fresnel equations. Below, eta is the index on the side of the light
+/// over that on the side of the viewer:
+///
+///   reflected    D G2 F / (4 cos_o cos_i)
+///   transmitted  (o.h) |i.h| / (cos_o |cos_i|) D G2 (1 - F) / (eta (i.h) + (o.h))^2,  h along o + eta i
+///                                                                                     Walter 2007, eq. 21
+///   both         what single scattering loses, L = 1 - E_reflected - E_transmitted:
+///                (1 - t) L(cos_o) L(cos_i) / (pi L_avg)  and  t L(cos_o) L'(cos_i) / (pi L'_avg eta^2)
+///
+/// L' is that of the other side, t such that f / eta^2 is symmetric. Transmission has the factor 1 / eta^2 of radiance
+/// (it is compressed into a smaller cone inside). `Thin` glass is a wall without thickness: what is transmitted is the
+/// mirror image, at the plane, of a reflection with 1 - F (KHR_materials_transmission), so that rays pass straight
+/// through a smooth one and none is bent on average through a rough one; F is that of a single interface. With
+/// index 1 there is no interface at all: rays pass straight at any roughness. An index of 0 stands for F = 1.
+/// The radiometrically exact reciprocity is f(o, i) / n_o^2 = f(i, o) / n_i^2.
+///
+/// `Coat` in [0, 1] is the weight of a dielectric layer (index 1.5) on top with a roughness and a normal of its own:
+///
+///   Coat D G2 F / (4 cos_o cos_i) + base x attenuation
+///
+/// With T = 1 - Coat Ec, Ec the layer's directional albedo, the attenuation is T(o) T(i) / T_avg for the terms of the
+/// base that are flat in i, and s(o) s(i), s between sqrt(T) for a smooth and T / sqrt(T_avg) for a rough base, for
+/// the others: reciprocal, and a white base stays white within 2 % (5 % at cosines below .2). Light that leaves
+/// refracting glass passes it once, and what it would hold back is reflected inside.
+///
+/// Below alpha = 1e-3 a reflection is a perfect mirror of weight F(cos_o), and refraction perfect as well.
+struct VTKQUELLRAYTRACING_EXPORT Surface
 {
   static constexpr float MirrorAlpha = 1e-3f;
+  static constexpr float CoatF0 = 0.04f;
 
   Vec3f Diffuse; ///< albedo of the diffuse lobe
   Vec3f F0;      ///< of the opaque reflection
   Vec3f F90;
-  float DiffuseF0 = 0, DiffuseF90 = 0;
+  float DiffuseF0 = 0, DiffuseF90 = 0; ///< of the reflection above the diffuse lobe
   float Alpha = 1;
   float Glass = 0; ///< in [0, 1]
   Vec3f GlassTint{ 1, 1, 1 };
   float GlassIor = 1.5f, GlassSpecular = 1;
+  Vec3f GlassF0; ///< at normal incidence, where GlassTinted; else the index says
+  bool GlassTinted = false;
   bool Thin = true;
-  bool HasDiffuse = false, HasSpecular = false, SpecularIsDelta = false;
+  float Coat = 0, CoatAlpha = 1;
+  bool Multiple = true; ///< with the terms of several scatterings
 
-  /// Chances of the lobes for the outgoing direction; set by Prepare.
-  float PDiffuse = 0, PSpecular = 0, PGlass = 0;
-  float DiffuseScale = 0; ///< 1 / (1 - Fd_avg), 0 where the diffuse lobe vanishes
+  // Of Finish.
+  bool HasDiffuse = false, HasSpecular = false, SpecularIsDelta = false, GlassIsDelta = true, CoatIsDelta = false;
+  Vec3f Fms;              ///< colour of light scattered several times by the opaque reflection
+  float MultiScale = 0;   ///< 1 / (pi (1 - E_avg)); 0 for a mirror
+  float Under[3] = {};    ///< Ed = Under[0] + Under[1] E + Under[2] B
+  float DiffuseScale = 0; ///< 1 / (1 - Ed_avg), 0 where the diffuse lobe vanishes
+  float LumDiffuse = 0, LumF0 = 0, LumF90 = 0, LumFms = 0;
+  EnergyTables::Row Row, CoatRow;                 ///< no table: a mirror
+  const EnergyTables::Glass* GlassTables[2] = {}; ///< of rough refracting glass from outside and from inside
+  float CoatAverage = 1;                          ///< T_avg
+
+  // Of Prepare: chances of the lobes for the outgoing direction, and terms of its cosine.
+  float PCosine = 0, PSpecular = 0, PGlass = 0, PCoat = 0; ///< PCosine: diffuse and several scatterings
+  float OutLoss = 0;                                       ///< 1 - E
+  float OutUnder = 1;                                      ///< 1 - Ed
+  float OutSmith = 1;
+  float OutPdf = 0; ///< of D in the pdf of the reflection, PSpecular / (2 (cos + OutSmith))
 
   /// Sets the lobes from their parameters; call after the members above.
-  void Finish() noexcept
+  void Finish() noexcept;
+
+  bool HasSmooth() const noexcept
   {
-    const float average = DiffuseF0 + (DiffuseF90 - DiffuseF0) / 21;
-    DiffuseScale = average < 0.9999f ? 1 / (1 - average) : 0;
-    HasDiffuse = DiffuseScale > 0 && MaxComponent(Diffuse) > 0;
-    HasSpecular = MaxComponent(F0) > 0 || MaxComponent(F90) > 0;
-    SpecularIsDelta = Alpha < MirrorAlpha;
+    return HasDiffuse || (HasSpecular && !SpecularIsDelta) || this->ScattersBelow() || (Coat > 0 && !CoatIsDelta);
   }
-  bool HasSmooth() const noexcept { return HasDiffuse || (HasSpecular && !SpecularIsDelta); }
-  bool HasDelta() const noexcept { return Glass > 0 || (HasSpecular && SpecularIsDelta); }
+  bool HasDelta() const noexcept
+  {
+    return (Glass > 0 && GlassIsDelta) || (HasSpecular && SpecularIsDelta) || (Coat > 0 && CoatIsDelta);
+  }
   /// Only perfect reflection and transmission: guides (albedo, normal) look through.
   bool IsPureDelta() const noexcept { return this->HasDelta() && !this->HasSmooth(); }
+  /// Light from below can be seen by a light sample: rough glass.
+  bool ScattersBelow() const noexcept { return Glass > 0 && !GlassIsDelta; }
+  /// Sample reads uLobe or uSide.
+  bool NeedsChoice() const noexcept { return HasSpecular || this->Layered(); }
+  /// More than the opaque part.
+  bool Layered() const noexcept { return Glass > 0 || Coat > 0; }
 
   Vec3f Fresnel(float cosine) const noexcept { return F0 + (F90 - F0) * SchlickWeight(cosine); }
-  float DiffuseFresnel(float cosine) const noexcept
-  {
-    return DiffuseF0 + (DiffuseF90 - DiffuseF0) * SchlickWeight(cosine);
-  }
 
-  /// Reflectance as guides use it, in [0, 1]: diffuse albedo under the reflection at normal incidence, plus that.
-  Vec3f Albedo() const noexcept
+  /// Directional albedos for guides, in [0, 1]: what the diffuse lobe, the rest, and both give back of uniform light
+  /// (from below as well, for glass), seen under the cosine `cosOut` with the shading normal. Without Prepare.
+  Vec3f AlbedoDiffuse(float cosOut) const noexcept;
+  Vec3f AlbedoSpecular(float cosOut) const noexcept;
+  Vec3f Albedo(float cosOut) const noexcept
   {
-    const Vec3f a = Diffuse * (HasDiffuse ? 1 - DiffuseF0 : 0.f) + F0;
+    return Clipped(this->AlbedoDiffuse(cosOut) + this->AlbedoSpecular(cosOut));
+  }
+  static Vec3f Clipped(const Vec3f& a) noexcept
+  {
     return { std::min(1.f, a.x), std::min(1.f, a.y), std::min(1.f, a.z) };
   }
 
-  void Prepare(float cosOut) noexcept
+  /// Cosines below this count as it where the tables are read.
+  static float Guarded(float cosine) noexcept { return std::min(1.f, std::max(1e-6f, cosine)); }
+  static EnergyTables::Pair Energy(const EnergyTables::Row& row, float cosine) noexcept
   {
-    float d = 0, s = 0;
-    if (HasDiffuse)
-      d = HasSpecular ? Luminance(Diffuse) * (1 - this->DiffuseFresnel(cosOut)) : 1.f;
-    if (HasSpecular)
-      s = HasDiffuse || Glass > 0 ? Luminance(this->Fresnel(cosOut)) : 1.f;
-    if (!HasSpecular && Glass == 0)
-    {
-      PDiffuse = HasDiffuse ? 1.f : 0.f;
-      PSpecular = PGlass = 0;
-      return;
-    }
-    // No lobe that exists is picked less than one time in ten (or so, after the sum is 1 again).
-    const float g = Glass, floor = 0.1f * (d + s + g);
-    d = HasDiffuse ? std::max(d, floor) : 0;
-    s = HasSpecular ? std::max(s, floor) : 0;
-    const float e = g > 0 ? std::max(g, floor) : 0, sum = d + s + e;
-    const float scale = sum > 0 ? 1 / sum : 0;
-    PDiffuse = d * scale;
-    PSpecular = s * scale;
-    PGlass = e * scale;
+    const float mu = Guarded(cosine), w = SchlickWeight(mu);
+    return row.Table ? EnergyTables::Look(row, mu, w) : EnergyTables::Pair{ 1, w };
   }
 
-  /// The non-delta lobes for both directions (unit, world), `n` the shading normal: diffuse and specular values without
-  /// the cosine, and the pdf (per solid angle) with which Sample makes `wi` by them.
-  void Evaluate(
-    const Vec3f& n, const Vec3f& wo, const Vec3f& wi, Vec3f& diffuse, Vec3f& specular, float& pdf) const noexcept
+  /// Chances of the lobes for a viewer under `cosOut` = Dot(Shading, wo) > 0; before Evaluate and Sample of that wo.
+  void Prepare(float cosOut) noexcept
+  {
+    if (!this->NeedsChoice())
+    {
+      PCosine = HasDiffuse ? 1.f : 0.f;
+      return;
+    }
+    if (Glass > 0 && !HasDiffuse && !HasSpecular && !(Coat > 0))
+    {
+      PGlass = 1;
+      return;
+    }
+    float diffuse = HasDiffuse ? LumDiffuse : 0, multi = 0, specular = 0;
+    if (HasSpecular)
+    {
+      const EnergyTables::Pair e = Energy(Row, cosOut);
+      OutLoss = 1 - e.E;
+      OutUnder = std::max(0.f, 1 - (Under[0] + Under[1] * e.E + Under[2] * e.B));
+      OutSmith = ggx::Smith(std::min(1.f, cosOut), Alpha * Alpha);
+      diffuse *= OutUnder;
+      // no less than 1 %: a nearly smooth surface sends little this way, but nearly all of it to grazing angles
+      multi = MultiScale > 0 ? std::max(LumFms * OutLoss, 0.01f * LumF90) : 0;
+      specular = LumF0 * (e.E - e.B) + LumF90 * e.B;
+    }
+    float glass = Glass, coat = 0;
+    if (Coat > 0)
+    {
+      const EnergyTables::Pair c = Energy(CoatRow, cosOut);
+      coat = Coat * (CoatF0 * (c.E - c.B) + c.B);
+      diffuse *= 1 - coat;
+      multi *= 1 - coat;
+      specular *= 1 - coat;
+      glass *= 1 - coat;
+    }
+    // No lobe that exists is picked less than one time in ten (or so, after the sum is 1 again); several scatterings
+    // share the cosine lobe.
+    const float floor = 0.1f * (diffuse + specular + glass + coat) + 1e-20f;
+    diffuse = (HasDiffuse ? std::max(diffuse, floor) : 0) + multi;
+    specular = HasSpecular ? std::max(specular, floor) : 0;
+    glass = Glass > 0 ? std::max(glass, floor) : 0;
+    coat = Coat > 0 ? std::max(coat, floor) : 0;
+    const float scale = 1 / (diffuse + specular + glass + coat);
+    PCosine = diffuse * scale;
+    PSpecular = specular * scale;
+    OutPdf = PSpecular * ggx::ReflectionPdf(1, cosOut, OutSmith);
+    PGlass = glass * scale;
+    PCoat = coat * scale;
+  }
+
+  /// The non-delta lobes between `wo` and `wi` (unit, world): value times |cos(Shading, wi)| of the diffuse lobe and of
+  /// the others, and the pdf (per solid angle) with which Sample makes `wi` by them. `wi` may be on either side. 0
+  /// where the two normals disagree about the side of `wi`.
+  void Evaluate(const ShadingNormals& normals, const Vec3f& wo, const Vec3f& wi, Vec3f& diffuse, Vec3f& specular,
+    float& pdf) const noexcept
   {
     diffuse = specular = Vec3f();
     pdf = 0;
-    const float ci = Dot(n, wi), co = Dot(n, wo);
-    if (!(ci > 0) || !(co > 0))
+    const Vec3f& n = normals.Shading;
+    const float ci = Dot(n, wi), co = Dot(n, wo), side = Dot(normals.Geometric, wi);
+    if (!(co > 0))
       return;
-    if (HasDiffuse)
+    if (this->Layered())
     {
-      float k = 1 / Pi;
-      if (DiffuseF90 > 0 || DiffuseF0 > 0)
-        k *= (1 - this->DiffuseFresnel(co)) * (1 - this->DiffuseFresnel(ci)) * DiffuseScale;
-      diffuse = Diffuse * k;
-      pdf = PDiffuse * ci / Pi;
+      if (ci > 0 && side > 0)
+        this->EvaluateAbove(normals, wo, wi, co, ci, diffuse, specular, pdf);
+      else if (ci < 0 && side < 0 && this->ScattersBelow())
+        this->EvaluateBelow(normals, wo, wi, co, -ci, specular, pdf);
+      return;
     }
+    if (!(ci > 0) || !(side > 0))
+      return;
+    Opaque o;
     if (HasSpecular && !SpecularIsDelta)
-    {
-      const Vec3f h = Normalized(wo + wi), x = Cross(n, h);
-      const float oh = Dot(wo, h);
-      if (oh > 0)
-      {
-        const float d = ggx::D(Dot(x, x), Dot(n, h), Alpha);
-        const float lo = ggx::Lambda(co, Alpha), li = ggx::Lambda(ci, Alpha);
-        const float c = std::max(co, 1e-6f);
-        specular = this->Fresnel(oh) * (d / ((1 + lo + li) * 4 * c * std::max(ci, 1e-6f)));
-        pdf += PSpecular * d / ((1 + lo) * 4 * c); // G1 D (o.h) / cos_o / (4 o.h)
-      }
-    }
+      this->EvaluateOpaque(co, ci, Between(n, wo, wi), o);
+    else
+      this->EvaluateOpaque(co, ci, {}, o);
+    diffuse = o.Diffuse;
+    specular = o.Single + o.Multi;
+    pdf = o.Pdf;
   }
 
   struct Sampled
   {
     Vec3f Wi;
-    Vec3f Weight;  ///< f cos / pdf (delta: lobe weight / chance)
-    float Pdf = 0; ///< of the non-delta lobes; 0: nothing sampled
+    Vec3f Diffuse, Specular; ///< f cos / pdf of the diffuse lobe and of the others (delta: lobe weight / chance)
+    float Pdf = 0;           ///< of the non-delta lobes; 0: nothing sampled
     bool Delta = false, Transmitted = false;
     float Eta2 = 1; ///< squared relative index after refraction
   };
 
-  /// `ng`: geometric normal on wo's side; `front`: wo is on the outside. uLobe, uSide pick the lobe; u, v the
-  /// direction.
-  Sampled Sample(const Vec3f& n, const Vec3f& ng, const Vec3f& wo, bool front, float u, float v, float uLobe,
-    float uSide) const noexcept
+  /// uLobe, uSide pick the lobe; u, v the direction.
+  Sampled Sample(
+    const ShadingNormals& normals, const Vec3f& wo, float u, float v, float uLobe, float uSide) const noexcept
   {
+    if (this->Layered())
+      return this->SampleLayered(normals, wo, u, v, uLobe, uSide);
     Sampled out;
+    const Vec3f &n = normals.Shading, &ng = normals.Geometric;
     const float co = Dot(n, wo);
-    if (uLobe < PDiffuse || (HasSpecular && !SpecularIsDelta && uLobe < PDiffuse + PSpecular))
+    if (!(co > 0))
+      return out;
+    const bool rough = HasSpecular && !SpecularIsDelta;
+    HalfVector half;
+    float ci;
+    if (uLobe < PCosine)
     {
-      const Frame frame(n);
-      if (uLobe < PDiffuse)
-        out.Wi = frame.ToWorld(CosineHemisphere(u, v));
-      else
-      {
-        const Vec3f m = frame.ToWorld(ggx::SampleVisibleNormal(frame.ToLocal(wo), Alpha, u, v));
-        out.Wi = Normalized(m * (2 * Dot(wo, m)) - wo);
-      }
-      if (!HasSpecular && DiffuseF90 == 0 && DiffuseF0 == 0)
+      const Vec3f local = CosineHemisphere(u, v);
+      out.Wi = Frame(n).ToWorld(local);
+      ci = local.z;
+      if (!(ci > 0) || !(Dot(ng, out.Wi) > 0))
+        return out;
+      if (!HasSpecular)
       {
         // Lambert: the cosine cancels
-        const float ci = Dot(n, out.Wi);
-        out.Pdf = ci > 0 && Dot(ng, out.Wi) > 0 ? PDiffuse * ci / Pi : 0;
-        out.Weight = Diffuse / PDiffuse;
+        out.Pdf = PCosine * ci / Pi;
+        out.Diffuse = Diffuse / PCosine;
         return out;
       }
-      Vec3f d, s;
-      this->Evaluate(n, wo, out.Wi, d, s, out.Pdf);
-      if (Dot(ng, out.Wi) > 0 && out.Pdf > 0)
-        out.Weight = (d + s) * (Dot(n, out.Wi) / out.Pdf);
-      else
-        out.Pdf = 0;
-      return out;
+      if (rough)
+        half = Between(n, wo, out.Wi);
     }
-    out.Delta = true;
-    out.Pdf = 1;
-    if (HasSpecular && SpecularIsDelta && uLobe < PDiffuse + PSpecular)
+    else if (rough)
     {
+      const Frame frame(n);
+      const Vec3f local = frame.ToLocal(wo), m = ggx::SampleVisibleNormal(local, Alpha, u, v);
+      half = { m.x * m.x + m.y * m.y, m.z, Dot(local, m) };
+      out.Wi = Normalized(frame.ToWorld(m * (2 * half.Out) - local));
+      ci = Dot(n, out.Wi);
+      if (!(ci > 0) || !(Dot(ng, out.Wi) > 0))
+        return out;
+    }
+    else
+    {
+      if (!(PSpecular > 0))
+        return out;
       out.Wi = Normalized(n * (2 * co) - wo);
-      out.Weight = this->Fresnel(co) / PSpecular;
-      if (!(Dot(ng, out.Wi) > 0))
-        out.Pdf = 0;
+      out.Specular = this->Fresnel(co) / PSpecular;
+      out.Delta = true;
+      out.Pdf = Dot(ng, out.Wi) > 0 ? 1.f : 0.f;
       return out;
     }
-    if (!(PGlass > 0))
-    {
-      out.Pdf = 0;
-      return out;
-    }
-    const float eta = !(GlassIor > 0) ? 1.f : Thin || front ? GlassIor : 1 / GlassIor;
-    float ct = 0, f = FresnelDielectric(co, eta, ct);
-    if (!(GlassIor > 0))
-      f = 1;
-    else if (ct > 0)
-      f *= GlassSpecular;
-    const float part = Glass / PGlass;
-    if (uSide < f)
-    {
-      out.Wi = Normalized(n * (2 * co) - wo);
-      out.Weight = Vec3f(part);
-      if (!(Dot(ng, out.Wi) > 0))
-        out.Pdf = 0;
-      return out;
-    }
-    out.Transmitted = true;
-    out.Weight = GlassTint * part;
-    if (Thin)
-    {
-      out.Wi = -wo;
-      return out;
-    }
-    out.Wi = Normalized(wo * (-1 / eta) + n * (co / eta - ct));
-    out.Eta2 = eta * eta;
-    out.Weight *= 1 / out.Eta2; // radiance is compressed into a smaller cone inside
-    if (!(Dot(ng, out.Wi) < 0))
-      out.Pdf = 0;
+    Opaque o;
+    this->EvaluateOpaque(co, ci, half, o);
+    out.Pdf = o.Pdf;
+    const float scale = o.Pdf > 0 ? 1 / o.Pdf : 0;
+    out.Diffuse = o.Diffuse * scale;
+    out.Specular = (o.Single + o.Multi) * scale;
     return out;
   }
+
+private:
+  struct HalfVector
+  {
+    float Sin2 = 0, Cosine = 1, Out = 1; ///< with the normal, and with wo
+  };
+  static HalfVector Between(const Vec3f& n, const Vec3f& wo, const Vec3f& wi) noexcept
+  {
+    const Vec3f h = Normalized(wo + wi), x = Cross(n, h);
+    return { Dot(x, x), Dot(n, h), Dot(wo, h) };
+  }
+  /// The opaque lobes, times cos_i, and the pdf by which they are sampled.
+  struct Opaque
+  {
+    Vec3f Diffuse, Single, Multi;
+    float Pdf = 0;
+  };
+  void EvaluateOpaque(float co, float ci, const HalfVector& half, Opaque& out) const noexcept
+  {
+    out.Pdf = PCosine * ci / Pi;
+    if (!HasSpecular)
+    {
+      out.Diffuse = Diffuse * ((1 / Pi) * ci);
+      return;
+    }
+    const EnergyTables::Pair e = Energy(Row, ci);
+    if (HasDiffuse)
+    {
+      const float under = std::max(0.f, 1 - (Under[0] + Under[1] * e.E + Under[2] * e.B));
+      out.Diffuse = Diffuse * (OutUnder * under * DiffuseScale * (ci / Pi));
+    }
+    if (SpecularIsDelta)
+      return;
+    out.Multi = Fms * (OutLoss * (1 - e.E) * MultiScale * ci);
+    if (half.Out > 0)
+    {
+      const float d = ggx::D(half.Sin2, half.Cosine, Alpha), si = ggx::Smith(std::min(1.f, ci), Alpha * Alpha);
+      out.Single = this->Fresnel(half.Out) * ggx::Reflection(d, co, ci, OutSmith, si);
+      out.Pdf += d * OutPdf;
+    }
+  }
+
+  struct GlassSide;
+  GlassSide SideOf(bool front) const noexcept;
+  struct GlassFresnel;
+  GlassFresnel FresnelOfGlass(const GlassSide& side, float cosine) const noexcept;
+  struct GlassMulti;
+  GlassMulti MultiOfGlass(const GlassSide& side, float co) const noexcept;
+  bool CoatOutside(const GlassSide& side) const noexcept;
+  float CoatReflection(float cosine) const noexcept;
+  float CoatFactor(float cosine) const noexcept;
+  void EvaluateAbove(const ShadingNormals& normals, const Vec3f& wo, const Vec3f& wi, float co, float ci,
+    Vec3f& diffuse, Vec3f& specular, float& pdf) const noexcept;
+  void EvaluateBelow(const ShadingNormals& normals, const Vec3f& wo, const Vec3f& wi, float co, float ci,
+    Vec3f& specular, float& pdf) const noexcept;
+  Sampled SampleLayered(
+    const ShadingNormals& normals, const Vec3f& wo, float u, float v, float uLobe, float uSide) const noexcept;
 };
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <stdexcept>
 
 namespace quell
@@ -62,6 +63,73 @@ void Camera::Finish()
   }
   this->ToCamera = view;
   this->ToNdc = p * view;
+}
+
+void Camera::MoveInShutter(const Camera& open, const Camera& close)
+{
+  this->Open = open.Here();
+  this->Close = close.Here();
+  this->Moving = !(open == close);
+}
+
+Vec2<double> Camera::OnLens(const Vec2f& u) const noexcept
+{
+  constexpr double pi = 3.14159265358979323846;
+  if (this->LensBlades < 3)
+  {
+    // Shirley and Chiu's concentric map: neighbours stay neighbours.
+    const double a = 2 * double(u.x) - 1, b = 2 * double(u.y) - 1;
+    if (a == 0 && b == 0)
+      return { 0, 0 };
+    const bool wide = std::fabs(a) > std::fabs(b);
+    const double r = wide ? a : b, phi = wide ? pi / 4 * (b / a) : pi / 2 - pi / 4 * (a / b);
+    return { r * std::cos(phi), r * std::sin(phi) };
+  }
+  // One triangle from the middle to a side per 1 / blades of the first number.
+  const double scaled = double(u.x) * this->LensBlades, side = std::min(std::floor(scaled), this->LensBlades - 1.);
+  const double step = 2 * pi / this->LensBlades, from = pi / 2 + side * step;
+  const double out = std::sqrt(scaled - side), along = double(u.y);
+  return { out * (std::cos(from) * (1 - along) + std::cos(from + step) * along),
+    out * (std::sin(from) * (1 - along) + std::sin(from + step) * along) };
+}
+
+void Camera::Ray(double px, double py, const Vec2f& lens, double time, Vec3d& start, Vec3d& direction) const noexcept
+{
+  Pose pose = this->Here();
+  if (this->Moving)
+  {
+    const auto mix = [time](const auto& a, const auto& b) { return a * (1 - time) + b * time; };
+    pose.Position = mix(this->Open.Position, this->Close.Position);
+    pose.HalfX = mix(this->Open.HalfX, this->Close.HalfX);
+    pose.HalfY = mix(this->Open.HalfY, this->Close.HalfY);
+    const Vec3d forward = mix(this->Open.Forward, this->Close.Forward),
+                right = mix(this->Open.Right, this->Close.Right);
+    // A camera that turns around while the shutter is open passes through no direction at all; it keeps its own.
+    if (Length(forward) > 0.1 && Length(right) > 0.1 && Length(Cross(forward, right)) > 0.01)
+    {
+      pose.Forward = Normalized(forward);
+      const Vec3d up = Normalized(Cross(right, pose.Forward));
+      pose.Right = Normalized(Cross(pose.Forward, up));
+      pose.Up = Dot(Cross(this->Right, this->Forward), this->Up) < 0 ? -up : up;
+    }
+  }
+  const double x = (2 * px / this->Width - 1) * pose.HalfX, y = (2 * py / this->Height - 1) * pose.HalfY;
+  // `through` is on the plane of depth 1 (or the direction) of the ray through the middle of the lens
+  Vec3d through = pose.Forward + pose.Right * x + pose.Up * y;
+  start = pose.Position;
+  if (this->Orthographic)
+  {
+    start += pose.Right * x + pose.Up * y;
+    through = pose.Forward;
+  }
+  if (this->LensRadius > 0)
+  {
+    const Vec2<double> on = this->OnLens(lens);
+    const Vec3d offset = (pose.Right * on.x + pose.Up * on.y) * this->LensRadius;
+    start += offset;
+    through = through * this->FocusDistance - offset;
+  }
+  direction = Normalized(through);
 }
 
 Camera Camera::Framing(const Vec3d& lower, const Vec3d& upper, const Vec3d& origin, int width, int height)

@@ -1,69 +1,34 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellEmbreeScene.h"
 
-#include "quellSampler.h"
+#include "quellMaterial.h"
+#include "vtkSMPTools.h"
 
 #include <algorithm>
+#include <array>
+#include <chrono>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
+#include <unordered_map>
 
 namespace quell
 {
 namespace
 {
-/// Embree's own limit on coordinates is near 1.8e18.
-constexpr float LargestCoordinate = 1e18f;
-/// New rays start this fraction of the largest coordinate at hand (64 ulp) off the surface.
-constexpr float OffsetScale = 0x1p-17f;
+constexpr std::size_t MostWarnings = 40;
+/// Times within the shutter are multiples of 1 / this of it.
+constexpr int ShutterGrid = 128;
+/// Pieces of a moving lamp's way.
+constexpr int LampSegments = 16;
+/// An instance is traced in its mesh's space, in float. Matrices that stretch directions more differently than this
+/// would lose digits there.
+constexpr double WorstCondition = 8;
+constexpr std::size_t VerticesPerTask = 8192;
 
-float Unit(float v)
+double Seconds()
 {
-  return v > 0 ? std::min(1.f, v) : 0; // NaN: 0
-}
-Vec3f Unit(const Vec3f& v)
-{
-  return { Unit(v.x), Unit(v.y), Unit(v.z) };
-}
-float Radiance(float v)
-{
-  return std::isfinite(v) && v > 0 ? v : 0;
-}
-
-struct MaterialValues
-{
-  Vec3f BaseColor;
-  float Metallic, Roughness, Transmission;
-};
-
-Surface MakeSurface(const Material& m, const MaterialValues& v)
-{
-  Surface s;
-  const Vec3f base = Unit(v.BaseColor);
-  const float metallic = Unit(v.Metallic), transmission = Unit(v.Transmission), roughness = Unit(v.Roughness);
-  const float specular = Unit(m.Specular);
-  const float ior = std::isfinite(m.Ior) && m.Ior >= 0 ? m.Ior : 1.5f;
-  const float r = (ior - 1) / (ior + 1), r0 = r * r;
-  const Vec3f tint{ Radiance(m.SpecularColor.x), Radiance(m.SpecularColor.y), Radiance(m.SpecularColor.z) };
-  const Vec3f f0 = Unit(tint * r0) * specular;
-  // No interface, no reflection: F90 fades where the index nears 1.
-  const float f90 = specular * std::min(1.f, 50 * r0);
-  const float opaque = (1 - metallic) * (1 - transmission);
-  s.Diffuse = m.Unlit ? Vec3f() : base * opaque;
-  s.DiffuseF0 = MaxComponent(f0);
-  s.DiffuseF90 = f90;
-  s.Alpha = roughness * roughness;
-  if (!m.Unlit)
-  {
-    s.F0 = f0 * opaque + base * metallic;
-    s.F90 = Vec3f(f90 * opaque + metallic);
-    s.Glass = (1 - metallic) * transmission;
-  }
-  s.GlassTint = base;
-  s.GlassIor = ior;
-  s.GlassSpecular = specular;
-  s.Thin = !m.Volume;
-  s.Finish();
-  return s;
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
 void Check(RTCDevice device)
@@ -75,108 +40,472 @@ void Check(RTCDevice device)
                                ? "this CPU is not supported by Embree"
                                : "Embree failed (error " + std::to_string(int(error)) + ")");
 }
+
+std::string Quoted(const char* what, const std::string& name, int index)
+{
+  return std::string(what) + (name.empty() ? ' ' + std::to_string(index) : " \"" + name + '"');
 }
 
-EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene)
-  : Source(std::move(scene))
+bool Usable(const Vec3f& p)
 {
-  const Scene& s = *this->Source;
-  this->Device = rtcNewDevice(nullptr);
-  if (!this->Device)
-    throw std::runtime_error("Embree cannot start on this machine");
+  return std::fabs(p.x) <= LargestCoordinate && std::fabs(p.y) <= LargestCoordinate &&
+         std::fabs(p.z) <= LargestCoordinate; // false for NaN
+}
+bool Usable(const Vec3d& p)
+{
+  return std::fabs(p.x) <= LargestCoordinate && std::fabs(p.y) <= LargestCoordinate &&
+         std::fabs(p.z) <= LargestCoordinate;
+}
 
-  for (const Material& m : s.Materials)
-    this->Surfaces.push_back(MakeSurface(m, { m.BaseColor, m.Metallic, m.Roughness, m.Transmission }));
+bool IsFinite(const Mat4& m)
+{
+  bool finite = true;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 4; ++j)
+      finite &= std::isfinite(m.m[i][j]);
+  return finite;
+}
+bool Same(const Mat4& a, const Mat4& b)
+{
+  bool same = true;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 4; ++j)
+      same &= a.m[i][j] == b.m[i][j];
+  return same;
+}
+bool IsIdentity(const Mat4& m)
+{
+  return Same(m, Mat4());
+}
+bool Same(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b)
+{
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3f)) == 0);
+}
 
-  // A node moves when it or one above it is animated.
-  std::vector<char> animated(s.Nodes.size(), 0);
-  for (const AnimationChannel& c : s.Animation)
-    if (c.Node >= 0 && c.Node < int(animated.size()))
-      animated[c.Node] = 1;
-  const auto moves = [&](int node)
+Mat4 Mix(const Mat4& a, const Mat4& b, double f)
+{
+  Mat4 m;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 4; ++j)
+      m.m[i][j] = a.m[i][j] + (b.m[i][j] - a.m[i][j]) * f;
+  return m;
+}
+
+/// How differently a matrix stretches directions: 1 for rotations and uniform scales, infinite for a singular one.
+double Condition(const Mat4& m)
+{
+  const Vec3d a{ m.m[0][0], m.m[1][0], m.m[2][0] }, b{ m.m[0][1], m.m[1][1], m.m[2][1] },
+    c{ m.m[0][2], m.m[1][2], m.m[2][2] };
+  const Vec3d p = Cross(b, c), q = Cross(c, a), r = Cross(a, b);
+  const double determinant = std::fabs(Dot(a, p));
+  const double condition =
+    std::sqrt((Dot(a, a) + Dot(b, b) + Dot(c, c)) * (Dot(p, p) + Dot(q, q) + Dot(r, r))) / (3 * determinant);
+  return determinant > 0 && std::isfinite(condition) ? condition : std::numeric_limits<double>::infinity();
+}
+
+/// Cofactors, in units that keep them near 1 whatever the scale of the matrix; the sign makes normals of mirrored parts
+/// point outside.
+void NormalMatrix(const Mat4& m, float (&out)[3][3])
+{
+  Mat4 unit;
+  double largest = 0;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      largest = std::max(largest, std::fabs(m.m[i][j]));
+  const double scale = largest > 0 && std::isfinite(largest) ? 1 / largest : 1;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      unit.m[i][j] = m.m[i][j] * scale;
+  double n[3][3];
+  largest = 0;
+  for (int j = 0; j < 3; ++j)
   {
-    for (std::size_t guard = 0; node >= 0 && guard <= s.Nodes.size(); ++guard, node = s.Nodes[node].Parent)
-      if (animated[node])
-        return true;
+    const Vec3d column = unit.Normal({ j == 0 ? 1. : 0., j == 1 ? 1. : 0., j == 2 ? 1. : 0. });
+    for (int i = 0; i < 3; ++i)
+    {
+      n[i][j] = column[i];
+      largest = std::max(largest, std::fabs(column[i]));
+    }
+  }
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      out[i][j] = largest > 0 && std::isfinite(largest) ? float(n[i][j] / largest) : 0.f;
+}
+
+/// Which segment a time in [0, 1] falls into, and how far: as Embree does it.
+int Segment(float time, int segments, double& f)
+{
+  const float scaled = time * float(segments);
+  const int i = int(std::max(0.f, std::min(std::floor(scaled), float(segments - 1))));
+  f = double(scaled - float(i));
+  return i;
+}
+
+struct Counted
+{
+  std::size_t Broken = 0, Flat = 0, Index = 0, Repeated = 0;
+  std::string Text(std::size_t total) const
+  {
+    const std::size_t all = this->Broken + this->Flat + this->Index + this->Repeated;
+    if (all == 0)
+      return {};
+    std::string why;
+    const auto add = [&](std::size_t count, const char* text)
+    {
+      if (count > 0)
+        why += (why.empty() ? "" : ", ") + (count == all ? std::string() : std::to_string(count) + ' ') + text;
+    };
+    add(this->Broken, "corners that are not finite or beyond 1e18");
+    add(this->Flat, "no area");
+    add(this->Index, "indices of no vertex");
+    add(this->Repeated, "in the place of another, which would shine twice");
+    return std::to_string(all) + " of " + std::to_string(total) + " triangles left out (" + why + ")";
+  }
+};
+
+/// Triangles of a mesh that can be traced, by positions of their vertices. `own` stays empty and `corners` points to
+/// the mesh where that is all of them.
+Counted SelectTriangles(const Mesh& mesh, const Vec3f* points, bool dropFlat, bool dropRepeated, bool twoSided,
+  std::vector<std::uint32_t>& own, const std::uint32_t*& corners, std::size_t& triangles)
+{
+  Counted out;
+  const std::size_t total = mesh.Indices.size() / 3;
+  const std::uint32_t count = std::uint32_t(mesh.Positions.size());
+  own.clear();
+  bool all = true;
+  std::unordered_multimap<std::uint64_t, std::uint32_t> seen;
+  const auto key = [&](const std::uint32_t* v)
+  {
+    // the same for any order of the corners
+    std::uint64_t sum = 0;
+    for (int k = 0; k < 3; ++k)
+    {
+      std::uint64_t h = 0x9e3779b97f4a7c15u;
+      for (int c = 0; c < 3; ++c)
+      {
+        const float x = points[v[k]][c] + 0.f; // -0 becomes 0
+        std::uint32_t bits;
+        std::memcpy(&bits, &x, sizeof bits);
+        h = (h ^ bits) * 0xff51afd7ed558ccdu;
+        h ^= h >> 29;
+      }
+      sum += h;
+    }
+    return sum;
+  };
+  const auto repeats = [&](const std::uint32_t* a, const std::uint32_t* b)
+  {
+    for (int r = 0; r < 3; ++r)
+      for (int turn = 1; turn <= (twoSided ? 2 : 1); ++turn)
+        if (points[a[0]] == points[b[r]] && points[a[1]] == points[b[(r + turn) % 3]] &&
+            points[a[2]] == points[b[(r + 2 * turn) % 3]])
+          return true;
     return false;
   };
-
-  this->Parts.reserve(s.Instances.size());
-  for (const Instance& i : s.Instances)
+  for (std::size_t t = 0; t < total; ++t)
   {
+    const std::uint32_t* v = &mesh.Indices[3 * t];
+    bool usable = false;
+    if (!(v[0] < count && v[1] < count && v[2] < count))
+      ++out.Index;
+    else if (!Usable(points[v[0]]) || !Usable(points[v[1]]) || !Usable(points[v[2]]))
+      ++out.Broken;
+    else
+    {
+      usable = true;
+      if (dropFlat)
+      {
+        const Vec3d a(points[v[0]]), b(points[v[1]]), c(points[v[2]]);
+        usable = Length(Cross(b - a, c - a)) > 0;
+        out.Flat += !usable;
+      }
+      if (usable && dropRepeated)
+      {
+        const std::uint64_t k = key(v);
+        const auto range = seen.equal_range(k);
+        for (auto i = range.first; i != range.second && usable; ++i)
+          usable = !repeats(&mesh.Indices[3 * std::size_t(i->second)], v);
+        if (usable)
+          seen.emplace(k, std::uint32_t(t));
+        out.Repeated += !usable;
+      }
+    }
+    if (all && !usable)
+    {
+      all = false;
+      own.assign(mesh.Indices.begin(), mesh.Indices.begin() + std::ptrdiff_t(3 * t));
+    }
+    else if (!all && usable)
+      own.insert(own.end(), v, v + 3);
+  }
+  own.shrink_to_fit();
+  corners = all ? mesh.Indices.data() : own.data();
+  triangles = all ? total : own.size() / 3;
+  return out;
+}
+
+void Extend(const Vec3d& p, Vec3d& lower, Vec3d& upper)
+{
+  for (int c = 0; c < 3; ++c)
+  {
+    lower[c] = std::min(lower[c], p[c]);
+    upper[c] = std::max(upper[c], p[c]);
+  }
+}
+
+/// Box of the triangles' corners; lower > upper: none.
+void Enclose(const Vec3f* points, const std::uint32_t* corners, std::size_t triangles, Vec3d& lower, Vec3d& upper)
+{
+  Vec3f lo(std::numeric_limits<float>::infinity()), hi(-std::numeric_limits<float>::infinity());
+  for (std::size_t i = 0; i < 3 * triangles; ++i)
+  {
+    const Vec3f& p = points[corners[i]];
+    lo = { std::min(lo.x, p.x), std::min(lo.y, p.y), std::min(lo.z, p.z) };
+    hi = { std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z) };
+  }
+  lower = Vec3d(lo);
+  upper = Vec3d(hi);
+}
+
+Vec3d BoxCorner(const Vec3d& lower, const Vec3d& upper, int i)
+{
+  return { i & 1 ? upper.x : lower.x, i & 2 ? upper.y : lower.y, i & 4 ? upper.z : lower.z };
+}
+
+bool Far(const Vec3d& lower, const Vec3d& upper)
+{
+  return Length(lower + upper) * 0.5 > 2 * Length(upper - lower);
+}
+
+/// Embree reads 16 bytes where a vertex has 12: the last one needs something behind it.
+const Vec3f* Padded(const std::vector<Vec3f>& positions)
+{
+  return positions.capacity() > positions.size() ? positions.data() : nullptr;
+}
+
+void SetBuffers(RTCGeometry geometry, const std::vector<const Vec3f*>& points, std::size_t vertices,
+  const std::uint32_t* corners, std::size_t triangles)
+{
+  rtcSetGeometryTimeStepCount(geometry, unsigned(points.size()));
+  for (std::size_t k = 0; k < points.size(); ++k)
+    rtcSetSharedGeometryBuffer(
+      geometry, RTC_BUFFER_TYPE_VERTEX, unsigned(k), RTC_FORMAT_FLOAT3, points[k], 0, sizeof(Vec3f), vertices);
+  rtcSetSharedGeometryBuffer(
+    geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, corners, 0, 3 * sizeof(std::uint32_t), triangles);
+}
+
+void SetPlace(RTCGeometry geometry, unsigned step, const Mat4& m)
+{
+  float rows[12];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 4; ++j)
+      rows[4 * i + j] = float(m.m[i][j]);
+  rtcSetGeometryTransform(geometry, step, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, rows);
+}
+}
+
+EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& options)
+  : Source(std::move(scene))
+  , Settings(options)
+{
+  const double start = Seconds();
+  const Scene& s = *this->Source;
+  this->LightSource.SetSelection(options.Lights);
+  const auto power = [](int segments)
+  {
+    int n = 1;
+    while (2 * n <= std::min(segments, ShutterGrid / 2))
+      n *= 2;
+    return n;
+  };
+  this->Settings.RigidSegments = power(options.RigidSegments);
+  this->Settings.DeformingSegments = power(options.DeformingSegments);
+
+  for (std::size_t i = 0; i < s.Materials.size(); ++i)
+  {
+    const Material& m = s.Materials[i];
+    this->Surfaces.push_back(MakeSurface(m, MaterialValues(m)));
+    Vec3f e;
+    bool broken = false, large = false;
+    for (int c = 0; c < 3; ++c)
+    {
+      broken |= !std::isfinite(m.Emission[c]) || m.Emission[c] < 0;
+      large |= m.Emission[c] > LargestEmission;
+      e[c] = std::min(LargestEmission, Radiance(m.Emission[c]));
+    }
+    this->Emissions.push_back(e);
+    const std::string name = Quoted("material", m.Name, int(i));
+    if (broken)
+      this->Warn(name + ": its emission is negative or not a number; taken as 0");
+    else if (large)
+      this->Warn(name + ": its emission is above 1e14; taken as 1e14");
+  }
+
+  const std::vector<char> moving = s.MovingInstances();
+  this->BodyOf.assign(s.Meshes.size(), -1);
+  std::vector<std::int64_t> uses(s.Meshes.size(), 0);
+  this->Parts.reserve(s.Instances.size());
+  for (std::size_t k = 0; k < s.Instances.size(); ++k)
+  {
+    const Instance& i = s.Instances[k];
     if (i.Mesh < 0 || i.Mesh >= int(s.Meshes.size()))
       continue;
-    const Mesh& mesh = s.Meshes[i.Mesh];
+    const Mesh& mesh = s.Meshes[std::size_t(i.Mesh)];
     if (mesh.Material < 0 || mesh.Material >= int(s.Materials.size()))
       throw std::runtime_error("mesh \"" + mesh.Name + "\" uses a material that does not exist");
-    const Material& m = s.Materials[mesh.Material];
+    if (i.Node >= int(s.Nodes.size()))
+      throw std::runtime_error("mesh \"" + mesh.Name + "\" is placed by a node that does not exist");
+    const Material& m = s.Materials[std::size_t(mesh.Material)];
     Part part;
     part.Geometry = &mesh;
+    part.Instance = int(k);
     part.Node = i.Node;
     part.Id = i.Id;
     part.Material = mesh.Material;
-    part.Animated = moves(i.Node);
+    part.Moves = moving[k] != 0;
+    part.Deforms = s.Deforms(i);
     part.AlphaTested = m.Mode != AlphaMode::Opaque;
     const auto used = [&](const TextureUse& u) { return u.Texture >= 0 && u.Texture < int(s.Textures.size()); };
     part.Textured = used(m.BaseColorTexture) || used(m.MetallicRoughnessTexture) || used(m.NormalTexture) ||
                     used(m.EmissiveTexture) || used(m.TransmissionTexture);
     part.Plain = !part.Textured && mesh.Colors.empty();
-    const Surface& surface = this->Surfaces[mesh.Material];
+    const Surface& surface = this->Surfaces[std::size_t(mesh.Material)];
     this->Has.Textures |= part.Textured;
     this->Has.Glossy |= surface.HasSpecular;
     this->Has.Glass |= surface.Glass > 0;
     this->Has.Volumes |= m.Volume && surface.Glass > 0;
     this->Has.SeeThrough |= part.AlphaTested;
+    if (!part.Moves && !part.Deforms)
+      ++uses[std::size_t(i.Mesh)];
     this->Parts.push_back(std::move(part));
   }
+  for (std::size_t i = 0; i < s.Lights.size(); ++i)
+    if (s.Lights[i].Node >= int(s.Nodes.size()))
+      throw std::runtime_error(Quoted("light", s.Lights[i].Name, int(i)) + " is placed by a node that does not exist");
   this->Has.Animated = s.Animated();
 
   // The origin: world's own, unless that is so far off that float positions would lose digits.
-  const std::vector<Mat4> world = s.WorldMatrices(0);
-  Vec3d lo(1e300), hi(-1e300);
-  for (const Part& part : this->Parts)
-    for (const Vec3f& p : part.Geometry->Positions)
-    {
-      const Vec3d q = part.Node >= 0 ? world[part.Node].Point(Vec3d(p)) : Vec3d(p);
-      if (!IsFinite(q))
-        continue;
-      lo = { std::min(lo.x, q.x), std::min(lo.y, q.y), std::min(lo.z, q.z) };
-      hi = { std::max(hi.x, q.x), std::max(hi.y, q.y), std::max(hi.z, q.z) };
-    }
-  this->RestLower = lo;
-  this->RestUpper = hi;
-  if (lo.x <= hi.x)
+  const ScenePose rest = s.PoseAt(0);
+  this->FindBounds(rest, this->RestLower, this->RestUpper);
+  if (this->RestLower.x <= this->RestUpper.x)
   {
-    const Vec3d centre = (lo + hi) * 0.5;
-    if (Length(centre) > 2 * Length(hi - lo))
-      this->Center = centre;
+    if (Far(this->RestLower, this->RestUpper))
+      this->Center = (this->RestLower + this->RestUpper) * 0.5;
+    const double radius = Length(this->RestUpper - this->RestLower) / 2;
+    this->Radius = radius > 0 ? radius : 1;
   }
   else if (!s.Cameras.empty())
   {
     const CameraModel& c = s.Cameras.front();
-    const Mat4 m = c.Node >= 0 ? world[c.Node] : c.WorldFromCamera;
+    const Mat4 m = c.Node >= 0 ? rest.World[std::size_t(c.Node)] : c.WorldFromCamera;
     const Vec3d at{ m.m[0][3], m.m[1][3], m.m[2][3] };
-    if (IsFinite(at))
+    if (quell::IsFinite(at))
       this->Center = at;
   }
 
+  this->Device = rtcNewDevice(nullptr);
+  if (!this->Device)
+    throw std::runtime_error("Embree cannot start on this machine");
+  rtcSetDeviceMemoryMonitorFunction(
+    this->Device,
+    [](void* self, ssize_t bytes, bool)
+    {
+      static_cast<EmbreeScene*>(self)->EmbreeBytes += bytes;
+      return true;
+    },
+    this);
   this->Rtc = rtcNewScene(this->Device);
-  // With moving parts a two-level hierarchy is kept, so that only what moved is built again.
-  rtcSetSceneFlags(this->Rtc,
-    this->Has.Animated ? RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC) : RTC_SCENE_FLAG_ROBUST);
+  rtcSetSceneFlags(this->Rtc, RTC_SCENE_FLAG_ROBUST);
+
+  // Meshes whose copies would cost too much memory.
+  std::int64_t repeated = 0;
+  for (std::size_t i = 0; i < uses.size(); ++i)
+    repeated += std::max<std::int64_t>(0, uses[i] - 1) * std::int64_t(s.Meshes[i].Indices.size() / 3);
+  const bool share = repeated > this->Settings.RepeatedTriangles;
+
   for (std::size_t i = 0; i < this->Parts.size(); ++i)
   {
     Part& part = this->Parts[i];
-    part.Handle = rtcNewGeometry(this->Device, RTC_GEOMETRY_TYPE_TRIANGLE);
-    rtcSetGeometryUserData(part.Handle, reinterpret_cast<void*>(i));
-    if (part.AlphaTested)
+    const int mesh = s.Instances[std::size_t(part.Instance)].Mesh;
+    if (part.Moves)
     {
-      rtcSetGeometryIntersectFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
-      rtcSetGeometryOccludedFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
+      this->Movers.push_back(i);
+      ++(part.Deforms ? this->Work.DeformingParts : this->Work.RigidParts);
+      part.World = this->Relative(part.Node >= 0 ? rest.World[std::size_t(part.Node)] : Mat4());
+      if (!part.Deforms)
+      {
+        part.Body = this->MakeBody(mesh, part.AlphaTested);
+        continue;
+      }
+      // A hierarchy that is refitted needs the same triangles at all times: those without area at one time stay.
+      const Counted left = SelectTriangles(*part.Geometry, part.Geometry->Positions.data(), false, false, false,
+        part.OwnCorners, part.Corners, part.Triangles);
+      const std::string text = left.Text(part.Geometry->Indices.size() / 3);
+      if (!text.empty())
+        this->Warn(this->NameOf(part) + ": " + text);
+      continue;
     }
-    rtcAttachGeometryByID(this->Rtc, part.Handle, unsigned(i));
+    ++this->Work.StillParts;
+    const Mat4 place = this->Relative(part.Node >= 0 ? rest.World[std::size_t(part.Node)] : Mat4());
+    if (share && !part.Deforms && uses[std::size_t(mesh)] > 1)
+    {
+      part.World = place;
+      part.Body = this->MakeBody(mesh, part.AlphaTested);
+      const Body& body = this->Bodies[std::size_t(part.Body)];
+      Mat4 base = place;
+      const Vec3d at = place.Point(body.Base);
+      for (int c = 0; c < 3; ++c)
+        base.m[c][3] = at[c];
+      if (this->CanPlace(part, base))
+      {
+        ++this->Work.RigidParts;
+        --this->Work.StillParts;
+        part.Kind = Placement::Rigid;
+        part.Place = part.Previous = base;
+        part.Points = &body.Points->x;
+        part.Corners = body.Corners;
+        part.Triangles = body.Triangles;
+        part.Normals =
+          part.Geometry->Normals.size() == part.Geometry->Positions.size() ? part.Geometry->Normals.data() : nullptr;
+        part.Tangents =
+          part.Geometry->Tangents.size() == part.Geometry->Positions.size() ? part.Geometry->Tangents.data() : nullptr;
+        part.Mirrored = part.FlipTangents = place.Determinant3() < 0;
+        NormalMatrix(place, part.ToNormal);
+        part.Lower = Vec3d(1e300);
+        part.Upper = Vec3d(-1e300);
+        for (int c = 0; c < 8; ++c)
+          Extend(base.Point(BoxCorner(body.Lower, body.Upper, c)), part.Lower, part.Upper);
+        part.Handle = rtcNewGeometry(this->Device, RTC_GEOMETRY_TYPE_INSTANCE);
+        rtcSetGeometryInstancedScene(part.Handle, body.Rtc);
+        SetPlace(part.Handle, 0, base);
+        part.Form = Part::Built::Instance;
+        rtcCommitGeometry(part.Handle);
+        rtcAttachGeometryByID(this->Rtc, part.Handle, unsigned(i));
+        continue;
+      }
+      part.Body = -1;
+    }
+    this->BakeStill(part, i, rest);
+  }
+  rtcCommitScene(this->Rtc);
+  if (!this->Movers.empty())
+  {
+    this->Moving = rtcNewScene(this->Device);
+    rtcSetSceneFlags(this->Moving, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC));
+    // Embree keeps a hierarchy per geometry, and looks at its own quality, in scenes of low quality only; in others it
+    // builds one of all triangles at every commit, dynamic or not.
+    rtcSetSceneBuildQuality(this->Moving, RTC_BUILD_QUALITY_LOW);
+    rtcSetSceneProgressMonitorFunction(
+      this->Moving,
+      [](void* self, double)
+      {
+        ++static_cast<EmbreeScene*>(self)->MovingSteps;
+        return true;
+      },
+      this);
   }
   Check(this->Device);
+  this->Work.BuildSeconds = Seconds() - start;
 }
 
 EmbreeScene::~EmbreeScene()
@@ -184,9 +513,33 @@ EmbreeScene::~EmbreeScene()
   for (Part& part : this->Parts)
     if (part.Handle)
       rtcReleaseGeometry(part.Handle);
-  if (this->Rtc)
-    rtcReleaseScene(this->Rtc);
-  rtcReleaseDevice(this->Device);
+  for (RTCScene scene : { this->Rtc, this->Moving })
+    if (scene)
+      rtcReleaseScene(scene);
+  for (Body& body : this->Bodies)
+    rtcReleaseScene(body.Rtc);
+  if (this->Device)
+    rtcReleaseDevice(this->Device);
+}
+
+void EmbreeScene::Warn(const std::string& text)
+{
+  if (this->Warnings.size() < MostWarnings)
+    this->Warnings.push_back(text);
+  else if (++this->HiddenWarnings == 1)
+    this->Warnings.push_back("one more of this kind");
+  else
+    this->Warnings.back() = std::to_string(this->HiddenWarnings) + " more of this kind";
+}
+
+std::string EmbreeScene::NameOf(const Part& part) const
+{
+  const int mesh = this->Source->Instances[std::size_t(part.Instance)].Mesh;
+  std::string name = Quoted("mesh", part.Geometry->Name, mesh);
+  if (part.Node >= 0 && !this->Source->Nodes[std::size_t(part.Node)].Name.empty() &&
+      this->Source->Nodes[std::size_t(part.Node)].Name != part.Geometry->Name)
+    name += " at node \"" + this->Source->Nodes[std::size_t(part.Node)].Name + '"';
+  return name;
 }
 
 Mat4 EmbreeScene::NodeMatrix(int node, bool previous) const
@@ -194,148 +547,706 @@ Mat4 EmbreeScene::NodeMatrix(int node, bool previous) const
   return node >= 0 ? (previous ? this->PreviousNodes : this->Nodes)[std::size_t(node)] : Mat4();
 }
 
+Mat4 EmbreeScene::NodeMatrix(int node, double time) const
+{
+  return node >= 0 ? this->Source->PoseAt(time).World[std::size_t(node)] : Mat4();
+}
+
+EmbreeScene::Statistics EmbreeScene::GetStatistics() const
+{
+  Statistics out = this->Work;
+  out.Bytes = this->EmbreeBytes;
+  const auto add = [&out](const auto& list) { out.Bytes += std::int64_t(list.capacity() * sizeof(list[0])); };
+  for (const Part& part : this->Parts)
+  {
+    add(part.OwnPoints);
+    add(part.PreviousPoints);
+    add(part.OwnCorners);
+    add(part.OwnNormals);
+    add(part.OwnTangents);
+    add(part.LightIndex);
+    for (std::size_t k = 0; k < part.Open.Points.size(); ++k)
+      add(part.Open.Points[k]);
+    for (std::size_t k = 0; k < part.Open.Normals.size(); ++k)
+      add(part.Open.Normals[k]);
+    for (std::size_t k = 0; k < part.Open.Tangents.size(); ++k)
+      add(part.Open.Tangents[k]);
+  }
+  for (const Body& body : this->Bodies)
+  {
+    add(body.OwnPoints);
+    add(body.OwnCorners);
+  }
+  add(this->Parts);
+  return out;
+}
+
+/// World box of the corners of all triangles that can be traced; lower > upper: none.
+void EmbreeScene::FindBounds(const ScenePose& pose, Vec3d& lower, Vec3d& upper) const
+{
+  lower = Vec3d(1e300);
+  upper = Vec3d(-1e300);
+  std::vector<char> used;
+  std::vector<Vec3f> deformed;
+  for (const Part& part : this->Parts)
+  {
+    const Mesh& mesh = *part.Geometry;
+    const std::size_t n = mesh.Positions.size();
+    Mat4 world = part.Node >= 0 ? pose.World[std::size_t(part.Node)] : Mat4();
+    const Vec3f* points = mesh.Positions.data();
+    Vec3d origin;
+    if (part.Deforms)
+    {
+      // Relative to a place on the object, so that float has digits left.
+      const Skin* skin = nullptr;
+      const int index = part.Node >= 0 ? this->Source->Nodes[std::size_t(part.Node)].Skin : -1;
+      if (mesh.Influences > 0 && index >= 0 && std::size_t(index) < this->Source->Skins.size())
+        skin = &this->Source->Skins[std::size_t(index)];
+      const int joint = skin && !skin->Joints.empty() ? skin->Joints.front() : -1;
+      if (joint >= 0 && std::size_t(joint) < pose.World.size())
+        world = pose.World[std::size_t(joint)];
+      origin = world.Point(Vec3d());
+      if (!Usable(origin))
+        origin = Vec3d();
+      this->Source->Deform(
+        this->Source->Instances[std::size_t(part.Instance)], pose, origin, deformed, nullptr, nullptr);
+      points = deformed.data();
+      world = Mat4();
+    }
+    used.assign(n, 0);
+    for (std::size_t t = 0; t + 2 < mesh.Indices.size(); t += 3)
+    {
+      const std::uint32_t* v = &mesh.Indices[t];
+      if (v[0] < n && v[1] < n && v[2] < n && Usable(mesh.Positions[v[0]]) && Usable(mesh.Positions[v[1]]) &&
+          Usable(mesh.Positions[v[2]]))
+        used[v[0]] = used[v[1]] = used[v[2]] = 1;
+    }
+    for (std::size_t i = 0; i < n; ++i)
+    {
+      if (!used[i])
+        continue;
+      const Vec3d p = world.Point(Vec3d(points[i])) + origin;
+      if (Usable(p))
+        Extend(p, lower, upper);
+    }
+  }
+}
+
+int EmbreeScene::MakeBody(int mesh, bool seeThrough)
+{
+  int& index = this->BodyOf[std::size_t(mesh)];
+  if (index >= 0)
+    return index;
+  index = int(this->Bodies.size());
+  this->Bodies.emplace_back();
+  Body& body = this->Bodies.back();
+  const Mesh& m = this->Source->Meshes[std::size_t(mesh)];
+  const std::size_t n = m.Positions.size();
+  const Material& material = this->Source->Materials[std::size_t(m.Material)];
+  const bool emits = MaxComponent(this->Emissions[std::size_t(m.Material)]) > 0 && !material.Unlit;
+  const Counted left = SelectTriangles(
+    m, m.Positions.data(), true, emits, material.DoubleSided, body.OwnCorners, body.Corners, body.Triangles);
+  const std::string text = left.Text(m.Indices.size() / 3);
+  if (!text.empty())
+    this->Warn(Quoted("mesh", m.Name, mesh) + ": " + text);
+  body.Rtc = rtcNewScene(this->Device);
+  rtcSetSceneFlags(body.Rtc, RTC_SCENE_FLAG_ROBUST);
+  if (body.Triangles == 0)
+  {
+    body.OwnPoints.resize(1);
+    body.Points = body.OwnPoints.data();
+    rtcCommitScene(body.Rtc);
+    return index;
+  }
+  Enclose(m.Positions.data(), body.Corners, body.Triangles, body.Lower, body.Upper);
+  if (Far(body.Lower, body.Upper))
+    body.Base = (body.Lower + body.Upper) * 0.5;
+  body.Lower -= body.Base;
+  body.Upper -= body.Base;
+  body.Points = body.Base == Vec3d() ? Padded(m.Positions) : nullptr;
+  if (!body.Points)
+  {
+    body.OwnPoints.resize(n + 1);
+    for (std::size_t i = 0; i < n; ++i)
+      body.OwnPoints[i] = Vec3f(Vec3d(m.Positions[i]) - body.Base);
+    body.Points = body.OwnPoints.data();
+  }
+  RTCGeometry geometry = rtcNewGeometry(this->Device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  SetBuffers(geometry, { body.Points }, n, body.Corners, body.Triangles);
+  if (seeThrough)
+  {
+    rtcSetGeometryIntersectFilterFunction(geometry, &EmbreeScene::SeeThrough);
+    rtcSetGeometryOccludedFilterFunction(geometry, &EmbreeScene::SeeThrough);
+  }
+  rtcCommitGeometry(geometry);
+  rtcAttachGeometryByID(body.Rtc, geometry, 0);
+  rtcReleaseGeometry(geometry);
+  rtcCommitScene(body.Rtc);
+  return index;
+}
+
+/// Whether Embree can trace the part through the matrix without losing digits.
+bool EmbreeScene::CanPlace(const Part& part, const Mat4& place) const
+{
+  if (part.Body < 0 || !(Condition(place) <= WorstCondition))
+    return false;
+  const Body& body = this->Bodies[std::size_t(part.Body)];
+  bool usable = true;
+  for (int c = 0; c < 8; ++c)
+    usable &= Usable(place.Point(BoxCorner(body.Lower, body.Upper, c)));
+  return usable;
+}
+
+/// Points of a body to world, relative to the origin.
+Mat4 EmbreeScene::PlaceOf(const Part& part, const ScenePose& pose) const
+{
+  Mat4 m = this->Relative(part.Node >= 0 ? pose.World[std::size_t(part.Node)] : Mat4());
+  const Vec3d at = m.Point(this->Bodies[std::size_t(part.Body)].Base);
+  for (int c = 0; c < 3; ++c)
+    m.m[c][3] = at[c];
+  return m;
+}
+
+/// World vertices of a part, in float around the origin, usable whatever the pose; one more than there are.
+void EmbreeScene::BakeVertices(const Part& part, const ScenePose& pose, std::vector<Vec3f>& points,
+  std::vector<Vec3f>* normals, std::vector<Vec4f>* tangents) const
+{
+  const std::size_t n = part.Geometry->Positions.size();
+  points.reserve(n + 1);
+  this->Source->Deform(
+    this->Source->Instances[std::size_t(part.Instance)], pose, this->Center, points, normals, tangents);
+  points.resize(n + 1);
+  for (Vec3f& p : points)
+    if (!Usable(p))
+      for (int c = 0; c < 3; ++c)
+        p[c] = std::isnan(p[c]) ? 0 : std::max(-LargestCoordinate, std::min(LargestCoordinate, p[c]));
+}
+
+void EmbreeScene::BakeStill(Part& part, std::size_t index, const ScenePose& pose)
+{
+  const Mesh& mesh = *part.Geometry;
+  const std::size_t n = mesh.Positions.size(), total = mesh.Indices.size() / 3;
+  const Material& material = this->Source->Materials[std::size_t(part.Material)];
+  if (part.Deforms)
+  {
+    this->BakeVertices(part, pose, part.OwnPoints, &part.OwnNormals, &part.OwnTangents);
+    // what Deform clamps away is not there
+    for (std::size_t i = 0; i < n; ++i)
+      if (!Usable(mesh.Positions[i]))
+        part.OwnPoints[i].x = std::numeric_limits<float>::quiet_NaN();
+    part.Mirrored = this->Source->Mirrors(this->Source->Instances[std::size_t(part.Instance)], pose);
+    part.Normals = part.OwnNormals.empty() ? nullptr : part.OwnNormals.data();
+    part.Tangents = part.OwnTangents.empty() ? nullptr : part.OwnTangents.data();
+  }
+  else
+  {
+    part.World = this->Relative(part.Node >= 0 ? pose.World[std::size_t(part.Node)] : Mat4());
+    if (!IsFinite(part.World))
+    {
+      this->Warn(this->NameOf(part) + " is left out: its matrix is not finite");
+      part.World = Mat4();
+      this->DroppedTriangles += std::int64_t(total);
+      part.Lower = Vec3d(1e300);
+      part.Upper = Vec3d(-1e300);
+      return;
+    }
+    part.Mirrored = part.FlipTangents = part.World.Determinant3() < 0;
+    NormalMatrix(part.World, part.ToNormal);
+    part.Normals = mesh.Normals.size() == n && n > 0 ? mesh.Normals.data() : nullptr;
+    part.Tangents = mesh.Tangents.size() == n && n > 0 ? mesh.Tangents.data() : nullptr;
+    const Vec3f* shared = IsIdentity(part.World) ? Padded(mesh.Positions) : nullptr;
+    if (shared)
+      part.Points = &shared->x;
+    else
+    {
+      part.OwnPoints.resize(n + 1);
+      const auto bake = [&](vtkIdType from, vtkIdType to)
+      {
+        for (vtkIdType i = from; i < to; ++i)
+          part.OwnPoints[std::size_t(i)] = Vec3f(part.World.Point(Vec3d(mesh.Positions[std::size_t(i)])));
+      };
+      if (n > 2 * VerticesPerTask)
+        vtkSMPTools::For(0, vtkIdType(n), vtkIdType(VerticesPerTask), bake);
+      else
+        bake(0, vtkIdType(n));
+    }
+  }
+  if (!part.Points)
+    part.Points = &part.OwnPoints[0].x;
+  const Vec3f* points = part.OwnPoints.empty() ? mesh.Positions.data() : part.OwnPoints.data();
+  const bool emits = MaxComponent(this->Emissions[std::size_t(part.Material)]) > 0 && !material.Unlit;
+  const Counted left =
+    SelectTriangles(mesh, points, true, emits, material.DoubleSided, part.OwnCorners, part.Corners, part.Triangles);
+  this->DroppedTriangles += std::int64_t(total - part.Triangles);
+  const std::string text = left.Text(total);
+  if (total == 0)
+    this->Warn(this->NameOf(part) + " has no triangles");
+  else if (!text.empty())
+    this->Warn(this->NameOf(part) + ": " + text);
+  part.Lower = Vec3d(1e300);
+  part.Upper = Vec3d(-1e300);
+  if (part.Triangles == 0)
+    return;
+  Enclose(points, part.Corners, part.Triangles, part.Lower, part.Upper);
+  part.Handle = rtcNewGeometry(this->Device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  part.Form = Part::Built::Rebuilt;
+  SetBuffers(part.Handle, { points }, n, part.Corners, part.Triangles);
+  rtcSetGeometryUserData(part.Handle, reinterpret_cast<void*>(index));
+  if (part.AlphaTested)
+  {
+    rtcSetGeometryIntersectFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
+    rtcSetGeometryOccludedFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
+  }
+  rtcCommitGeometry(part.Handle);
+  rtcAttachGeometryByID(this->Rtc, part.Handle, unsigned(index));
+}
+
+void EmbreeScene::SetShutter(double open, double close)
+{
+  const bool blurs = close > open && std::isfinite(open) && std::isfinite(close);
+  this->ShutterOpen = blurs ? open : 0;
+  this->ShutterClose = blurs ? close : 0;
+}
+
 void EmbreeScene::SetTime(double time, double previous)
 {
-  if (this->Posed && !this->Has.Animated)
+  const bool first = !this->Posed;
+  if (!first && !this->Has.Animated)
     return;
-  this->Nodes = this->Source->WorldMatrices(time);
-  this->PreviousNodes = this->Has.Animated ? this->Source->WorldMatrices(previous) : this->Nodes;
-  if (!this->Posed || time != this->Time)
-  {
-    this->DroppedTriangles = 0;
-    for (Part& part : this->Parts)
-    {
-      if (!this->Posed || part.Animated)
-      {
-        Mat4 m = this->NodeMatrix(part.Node, false);
-        m.m[0][3] -= this->Center.x;
-        m.m[1][3] -= this->Center.y;
-        m.m[2][3] -= this->Center.z;
-        part.World = m;
-        this->Bake(part);
-      }
-    }
-    rtcCommitScene(this->Rtc);
-    Check(this->Device);
-  }
+  const double start = Seconds();
+  Statistics& w = this->Work;
+  w.Placed = w.Baked = w.Committed = w.LightBuilds = w.Segments = 0;
+  w.BakedVertices = 0;
+  this->MovingSteps = 0;
+
+  const ScenePose pose = this->Source->PoseAt(time);
+  const ScenePose before = this->Has.Animated ? this->Source->PoseAt(previous) : ScenePose();
+  const bool sameShutter = this->PosedOpen == this->ShutterOpen && this->PosedClose == this->ShutterClose;
+  // Lights stay as they are where nothing that shines is elsewhere: what Build makes of them is the same.
+  bool lights = first || !sameShutter || (this->Blurs() && time != this->Time);
+  for (const PunctualLight& l : this->Source->Lights)
+    lights |= first || (l.Node >= 0 && !Same(this->Nodes[std::size_t(l.Node)], pose.World[std::size_t(l.Node)]));
+  this->Nodes = pose.World;
+  this->PreviousNodes = this->Has.Animated ? before.World : pose.World;
+
+  const double last = this->Time;
+  this->Time = time;
+  Poses poses;
+  const bool blurred = this->Has.MotionBlur;
+  this->Has.MotionBlur = false;
+  if (!this->Movers.empty())
+    lights |= this->PoseMoving(pose, before, !first && sameShutter && previous == last, poses);
+  lights |= blurred != this->Has.MotionBlur;
+
   Vec3d lo(1e300), hi(-1e300);
   this->TriangleCount = 0;
-  for (Part& part : this->Parts)
+  for (const Part& part : this->Parts)
   {
-    Mat4 m = this->NodeMatrix(part.Node, true);
-    m.m[0][3] -= this->Center.x;
-    m.m[1][3] -= this->Center.y;
-    m.m[2][3] -= this->Center.z;
-    part.Previous = m;
-    part.Moved = false;
-    for (int i = 0; i < 3 && part.Animated; ++i)
-      for (int j = 0; j < 4; ++j)
-        part.Moved |= part.World.m[i][j] != part.Previous.m[i][j];
-    const std::size_t triangles = part.Triangles.size() / 3;
-    this->TriangleCount += std::int64_t(triangles);
-    this->DroppedTriangles += std::int64_t(part.Geometry->Indices.size() / 3 - triangles);
-    for (std::uint32_t v : part.Triangles)
-      for (int c = 0; c < 3; ++c)
-      {
-        const double x = part.Positions[3 * std::size_t(v) + std::size_t(c)];
-        lo[c] = std::min(lo[c], x);
-        hi[c] = std::max(hi[c], x);
-      }
+    if (part.Triangles == 0 || (part.Moves && !part.Shown))
+      continue;
+    this->TriangleCount += std::int64_t(part.Triangles);
+    Extend(part.Lower, lo, hi);
+    Extend(part.Upper, lo, hi);
   }
   this->Has.Geometry = this->TriangleCount > 0;
   this->Lower = lo + this->Center;
   this->Upper = hi + this->Center;
-  if (!this->Posed || time != this->Time)
-    this->BuildLights();
-  this->Time = time;
+  if (lights)
+    this->BuildLights(poses);
+  this->PosedOpen = this->ShutterOpen;
+  this->PosedClose = this->ShutterClose;
   this->Posed = true;
+  w.PoseSeconds = Seconds() - start;
+  w.BuildSteps = this->MovingSteps;
+  if (first)
+    w.BuildSeconds += w.PoseSeconds;
 }
 
-void EmbreeScene::Bake(Part& part)
+const ScenePose& EmbreeScene::ShutterPose(Poses& poses, int k) const
+{
+  const auto found = poses.find(k);
+  if (found != poses.end())
+    return found->second;
+  const double f = double(k) / ShutterGrid;
+  return poses
+    .emplace(k, this->Source->PoseAt(this->Time + this->ShutterOpen + (this->ShutterClose - this->ShutterOpen) * f))
+    .first->second;
+}
+
+/// Finds the number of straight segments that follow the part's motion within the shutter; 0 where it keeps still.
+void EmbreeScene::PlanShutter(Part& part, const ScenePose& now, Poses& poses) const
+{
+  const bool deforms = part.Deforms;
+  std::map<int, std::vector<Vec3f>> baked;
+  const auto vertices = [&](int k) -> const std::vector<Vec3f>&
+  {
+    std::vector<Vec3f>& v = baked[k];
+    if (v.empty())
+      this->BakeVertices(part, this->ShutterPose(poses, k), v);
+    return v;
+  };
+  std::map<int, std::array<Vec3d, 8>> boxes;
+  const auto box = [&](int k) -> const std::array<Vec3d, 8>&
+  {
+    const auto found = boxes.find(k);
+    if (found != boxes.end())
+      return found->second;
+    const Body& body = this->Bodies[std::size_t(part.Body)];
+    const Mat4 m = this->PlaceOf(part, this->ShutterPose(poses, k));
+    std::array<Vec3d, 8>& out = boxes[k];
+    for (int c = 0; c < 8; ++c)
+      out[std::size_t(c)] = m.Point(BoxCorner(body.Lower, body.Upper, c));
+    return out;
+  };
+
+  bool still = true;
+  std::vector<Vec3f> reference;
+  if (deforms)
+    this->BakeVertices(part, now, reference);
+  for (int k = 0; k <= ShutterGrid && still; k += ShutterGrid / 4)
+    still = deforms ? Same(reference, vertices(k))
+                    : Same(this->PlaceOf(part, now), this->PlaceOf(part, this->ShutterPose(poses, k)));
+  part.Open.Segments = 0;
+  if (still)
+    return;
+
+  // Largest distance of what is at k from the middle between a and b; `size` grows to the part's largest extent.
+  double size = 0;
+  const auto chord = [&](int a, int k, int b)
+  {
+    double worst = 0;
+    Vec3d lo(1e300), hi(-1e300);
+    const auto look = [&](const Vec3d& p, const Vec3d& q, const Vec3d& r)
+    {
+      const Vec3d d = q - (p + r) * 0.5;
+      const double error = Dot(d, d);
+      worst = std::max(worst, std::isfinite(error) ? error : 0.);
+      if (quell::IsFinite(q))
+        Extend(q, lo, hi);
+    };
+    if (deforms)
+    {
+      const std::vector<Vec3f>&p = vertices(a), &q = vertices(k), &r = vertices(b);
+      for (std::size_t i = 0; i + 1 < p.size(); ++i)
+        look(Vec3d(p[i]), Vec3d(q[i]), Vec3d(r[i]));
+    }
+    else
+    {
+      const std::array<Vec3d, 8>&p = box(a), &q = box(k), &r = box(b);
+      for (std::size_t i = 0; i < 8; ++i)
+        look(p[i], q[i], r[i]);
+    }
+    if (lo.x <= hi.x)
+      size = std::max(size, Length(hi - lo));
+    return std::sqrt(worst);
+  };
+  const int most = deforms ? this->Settings.DeformingSegments : this->Settings.RigidSegments;
+  int segments = 1;
+  for (;; segments *= 2)
+  {
+    const int step = ShutterGrid / segments;
+    double worst = 0;
+    for (int k = 0; k < ShutterGrid; k += step)
+      worst = std::max(worst, chord(k, k + step / 2, k + step));
+    if (segments == 1) // a motion that returns may look straight from its ends and its middle
+      for (int k : { 0, ShutterGrid / 2 })
+        worst = std::max(worst, chord(k, k + ShutterGrid / 4, k + ShutterGrid / 2));
+    if (segments >= most || worst <= this->Settings.ChordError * size)
+      break;
+  }
+  part.Open.Segments = segments;
+  for (int k = 0; k <= ShutterGrid; k += ShutterGrid / segments)
+    this->ShutterPose(poses, k);
+}
+
+void EmbreeScene::Show(Part& part, bool shown)
+{
+  if (!part.Handle || part.Shown == shown)
+    return;
+  part.Shown = shown;
+  if (shown)
+    rtcEnableGeometry(part.Handle);
+  else
+    rtcDisableGeometry(part.Handle);
+}
+
+/// Makes the part's Embree geometry one of the given form.
+void EmbreeScene::Attach(Part& part, std::size_t index, Part::Built form, int steps)
+{
+  if (part.Form == form && part.BuiltSteps == steps)
+    return;
+  if (part.Handle)
+  {
+    rtcDetachGeometry(this->Moving, unsigned(index));
+    rtcReleaseGeometry(part.Handle);
+  }
+  part.Form = form;
+  part.BuiltSteps = steps;
+  part.Handle = rtcNewGeometry(
+    this->Device, form == Part::Built::Instance ? RTC_GEOMETRY_TYPE_INSTANCE : RTC_GEOMETRY_TYPE_TRIANGLE);
+  rtcSetGeometryUserData(part.Handle, reinterpret_cast<void*>(index));
+  if (form == Part::Built::Instance)
+  {
+    rtcSetGeometryInstancedScene(part.Handle, this->Bodies[std::size_t(part.Body)].Rtc);
+    rtcSetGeometryTimeStepCount(part.Handle, unsigned(steps));
+  }
+  else
+  {
+    if (part.AlphaTested)
+    {
+      rtcSetGeometryIntersectFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
+      rtcSetGeometryOccludedFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
+    }
+    rtcSetGeometryBuildQuality(
+      part.Handle, form == Part::Built::Refitted ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM);
+  }
+  rtcAttachGeometryByID(this->Moving, part.Handle, unsigned(index));
+  part.Shown = true;
+}
+
+struct EmbreeScene::Change
+{
+  bool Any = false, Broken = false;
+  int Bakes = 0;
+  std::vector<Vec3f> Now; ///< world vertices; empty for rigid parts
+};
+
+/// Everything about a moving part at a time but its Embree geometry and OwnPoints, which that may be reading.
+void EmbreeScene::PosePart(Part& part, const ScenePose& pose, const ScenePose& previous, bool continues,
+  const Poses& poses, Change& change) const
 {
   const Mesh& mesh = *part.Geometry;
-  part.Mirrored = part.World.Determinant3() < 0;
-  part.Positions.resize(3 * mesh.Positions.size() + 4);
-  for (std::size_t i = 0; i < mesh.Positions.size(); ++i)
+  const std::size_t n = mesh.Positions.size();
+  const int segments = part.Open.Segments, step = segments > 0 ? ShutterGrid / segments : 0;
+  const Placement before = part.Kind;
+  const bool first = part.Form == Part::Built::Nothing;
+  std::vector<Mat4> places;
+  if (!part.Deforms)
   {
-    const Vec3d p = part.World.Point(Vec3d(mesh.Positions[i]));
-    for (int c = 0; c < 3; ++c)
-      part.Positions[3 * i + std::size_t(c)] = float(p[c]);
-  }
-  part.Triangles.clear();
-  const std::uint32_t count = std::uint32_t(mesh.Positions.size());
-  for (std::size_t t = 0; t + 2 < mesh.Indices.size(); t += 3)
-  {
-    const std::uint32_t* v = &mesh.Indices[t];
-    bool usable = v[0] < count && v[1] < count && v[2] < count;
-    for (int k = 0; k < 3 && usable; ++k)
+    const Body& body = this->Bodies[std::size_t(part.Body)];
+    const Mat4 place = this->PlaceOf(part, pose), then = this->PlaceOf(part, previous);
+    bool usable = this->CanPlace(part, place), finite = IsFinite(place);
+    for (int q = 0; q <= segments && segments > 0; ++q)
     {
-      const Vec3f p = this->Corner(part, v[k]);
-      for (int c = 0; c < 3; ++c)
-        usable &= std::fabs(p[c]) <= LargestCoordinate; // false for NaN
+      places.push_back(this->PlaceOf(part, poses.at(q * step)));
+      usable &= this->CanPlace(part, places.back());
+      finite &= IsFinite(places.back());
     }
+    change.Any = first || places.size() != part.Open.Place.size() || !Same(place, part.Place);
+    for (std::size_t q = 0; q < places.size() && !change.Any; ++q)
+      change.Any = !Same(places[q], part.Open.Place[q]);
+    change.Broken = !finite;
+    part.Place = place;
+    part.Previous = then;
+    part.Moved = finite && IsFinite(then) && !Same(place, then);
+    part.Corners = body.Corners;
+    const std::size_t triangles = finite ? body.Triangles : 0;
+    change.Any |= triangles != part.Triangles;
+    part.Triangles = triangles;
+    part.Open.Place.swap(places);
+    part.World = finite ? this->Relative(part.Node >= 0 ? pose.World[std::size_t(part.Node)] : Mat4()) : Mat4();
+    part.Mirrored = part.World.Determinant3() < 0;
+    part.Lower = Vec3d(1e300);
+    part.Upper = Vec3d(-1e300);
+    if (part.Triangles == 0)
+      return;
     if (usable)
     {
-      const Vec3d a(this->Corner(part, v[0])), b(this->Corner(part, v[1])), c(this->Corner(part, v[2]));
-      usable = Length(Cross(b - a, c - a)) > 0;
-    }
-    if (usable)
-    {
-      // A mirroring node turns triangles inside out: turn them back, so that winding always tells the outside.
-      const std::uint32_t w[3] = { v[0], part.Mirrored ? v[2] : v[1], part.Mirrored ? v[1] : v[2] };
-      part.Triangles.insert(part.Triangles.end(), w, w + 3);
+      change.Any |= before != Placement::Rigid;
+      part.Kind = Placement::Rigid;
+      part.Points = &body.Points->x;
+      part.Normals = mesh.Normals.size() == n ? mesh.Normals.data() : nullptr;
+      part.Tangents = mesh.Tangents.size() == n ? mesh.Tangents.data() : nullptr;
+      part.FlipTangents = part.Mirrored;
+      NormalMatrix(part.World, part.ToNormal);
+      for (int c = 0; c < 8; ++c)
+        Extend(place.Point(BoxCorner(body.Lower, body.Upper, c)), part.Lower, part.Upper);
+      return;
     }
   }
-  // Vertices that no triangle uses may hold anything; Embree reads only indexed ones.
-  const std::size_t triangles = part.Triangles.size() / 3;
-  if (triangles == 0)
-  {
-    rtcDisableGeometry(part.Handle);
-    rtcCommitGeometry(part.Handle);
+  else
+    part.Mirrored = this->Source->Mirrors(this->Source->Instances[std::size_t(part.Instance)], pose);
+  if (part.Triangles == 0)
     return;
+
+  part.Kind = Placement::Baked;
+  part.World = Mat4();
+  part.FlipTangents = false;
+  NormalMatrix(part.World, part.ToNormal);
+  const bool wasBaked = before == Placement::Baked && !first;
+  if (continues && wasBaked)
+    part.PreviousPoints = part.OwnPoints;
+  else
+  {
+    this->BakeVertices(part, previous, part.PreviousPoints);
+    ++change.Bakes;
   }
-  rtcEnableGeometry(part.Handle);
-  rtcSetSharedGeometryBuffer(part.Handle, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, part.Positions.data(), 0,
-    3 * sizeof(float), mesh.Positions.size());
-  rtcSetSharedGeometryBuffer(part.Handle, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, part.Triangles.data(), 0,
-    3 * sizeof(std::uint32_t), triangles);
-  rtcCommitGeometry(part.Handle);
+  this->BakeVertices(part, pose, change.Now, &part.OwnNormals, &part.OwnTangents);
+  ++change.Bakes;
+  part.Moved = !Same(change.Now, part.PreviousPoints);
+  change.Any |= !wasBaked || segments > 0 || part.BuiltSteps != 1 || !Same(change.Now, part.OwnPoints);
+  part.Normals = part.OwnNormals.empty() ? nullptr : part.OwnNormals.data();
+  part.Tangents = part.OwnTangents.empty() ? nullptr : part.OwnTangents.data();
+  Enclose(change.Now.data(), part.Corners, part.Triangles, part.Lower, part.Upper);
+  Shutter& open = part.Open;
+  const std::size_t steps = segments > 0 ? std::size_t(segments) + 1 : 0;
+  open.Points.resize(steps);
+  open.Normals.resize(steps);
+  open.Tangents.resize(steps);
+  for (std::size_t q = 0; q < steps; ++q)
+  {
+    this->BakeVertices(part, poses.at(int(q) * step), open.Points[q], &open.Normals[q], &open.Tangents[q]);
+    ++change.Bakes;
+  }
 }
 
-void EmbreeScene::BuildLights()
+/// Poses what moves; true when something that shines is elsewhere now.
+bool EmbreeScene::PoseMoving(const ScenePose& pose, const ScenePose& previous, bool continues, Poses& poses)
+{
+  Statistics& w = this->Work;
+  for (const std::size_t index : this->Movers)
+  {
+    Part& part = this->Parts[index];
+    part.Open.Segments = 0;
+    if (this->Blurs() && (part.Deforms ? part.Triangles : this->Bodies[std::size_t(part.Body)].Triangles) > 0)
+      this->PlanShutter(part, pose, poses);
+    this->Has.MotionBlur |= part.Open.Segments > 0;
+    w.Segments = std::max(w.Segments, part.Open.Segments);
+  }
+  std::vector<Change> changes(this->Movers.size());
+  const auto compute = [&](vtkIdType from, vtkIdType to)
+  {
+    for (vtkIdType k = from; k < to; ++k)
+      this->PosePart(
+        this->Parts[this->Movers[std::size_t(k)]], pose, previous, continues, poses, changes[std::size_t(k)]);
+  };
+  vtkSMPTools::For(0, vtkIdType(changes.size()), 1, compute);
+
+  // Hierarchies that are refitted are built once, at the pose of time 0: what comes of them then depends on the present
+  // pose alone.
+  bool fresh = false;
+  ScenePose rest;
+  for (std::size_t k = 0; k < changes.size(); ++k)
+  {
+    Part& part = this->Parts[this->Movers[k]];
+    if (!part.Deforms || part.Triangles == 0 || part.Open.Segments > 0 || part.Form == Part::Built::Refitted)
+      continue;
+    if (!fresh)
+      rest = this->Source->PoseAt(0);
+    fresh = true;
+    this->Attach(part, this->Movers[k], Part::Built::Refitted, 1);
+    this->BakeVertices(part, rest, part.OwnPoints);
+    ++changes[k].Bakes;
+    SetBuffers(part.Handle, { part.OwnPoints.data() }, part.Geometry->Positions.size(), part.Corners, part.Triangles);
+    rtcCommitGeometry(part.Handle);
+    ++w.Committed;
+    changes[k].Any = true;
+  }
+  if (fresh)
+    rtcCommitScene(this->Moving);
+
+  bool changed = false, lights = false;
+  for (std::size_t k = 0; k < changes.size(); ++k)
+  {
+    const std::size_t index = this->Movers[k];
+    Part& part = this->Parts[index];
+    Change& change = changes[k];
+    if (change.Broken && !part.Warned)
+    {
+      part.Warned = true;
+      this->Warn(this->NameOf(part) + " is left out at " + std::to_string(this->Time) + " s: its matrix is not finite");
+    }
+    w.Baked += change.Bakes > 0;
+    w.BakedVertices += std::int64_t(change.Bakes) * std::int64_t(part.Geometry->Positions.size());
+    if (!change.Any)
+      continue;
+    changed = true;
+    lights |= MaxComponent(this->Emissions[std::size_t(part.Material)]) > 0;
+    if (part.Triangles == 0)
+    {
+      this->Show(part, false);
+      continue;
+    }
+    const int steps = std::max(1, part.Open.Segments + 1);
+    if (part.Kind == Placement::Rigid)
+    {
+      this->Attach(part, index, Part::Built::Instance, steps);
+      if (part.Open.Segments == 0)
+        SetPlace(part.Handle, 0, part.Place);
+      for (std::size_t q = 0; q < part.Open.Place.size(); ++q)
+        SetPlace(part.Handle, unsigned(q), part.Open.Place[q]);
+      part.OwnPoints = std::vector<Vec3f>();
+      part.PreviousPoints = std::vector<Vec3f>();
+      part.Open.Points.clear();
+      ++w.Placed;
+    }
+    else
+    {
+      const bool refit = part.Deforms && part.Open.Segments == 0;
+      if (!refit)
+        this->Attach(part, index, Part::Built::Rebuilt, steps);
+      if (part.OwnPoints.size() == change.Now.size())
+        std::copy(change.Now.begin(), change.Now.end(), part.OwnPoints.begin());
+      else
+        part.OwnPoints = change.Now;
+      part.Points = &part.OwnPoints[0].x;
+      if (refit)
+        rtcUpdateGeometryBuffer(part.Handle, RTC_BUFFER_TYPE_VERTEX, 0);
+      else
+      {
+        std::vector<const Vec3f*> buffers;
+        for (const std::vector<Vec3f>& points : part.Open.Points)
+          buffers.push_back(points.data());
+        if (buffers.empty())
+          buffers.push_back(part.OwnPoints.data());
+        SetBuffers(part.Handle, buffers, part.Geometry->Positions.size(), part.Corners, part.Triangles);
+      }
+    }
+    this->Show(part, true);
+    rtcCommitGeometry(part.Handle);
+    ++w.Committed;
+  }
+  if (changed || fresh)
+    rtcCommitScene(this->Moving);
+  Check(this->Device);
+  return lights;
+}
+
+PlacedLight EmbreeScene::PlaceLamp(const PunctualLight& p, const Mat4& m) const
+{
+  PlacedLight l;
+  l.Type = p.Type;
+  l.Position = Vec3f(Vec3d(m.m[0][3], m.m[1][3], m.m[2][3]) - this->Center);
+  l.Direction = Vec3f(Normalized(m.Direction({ 0, 0, -1 })));
+  l.Intensity = Radiance(p.Intensity);
+  l.Range = std::isfinite(p.Range) && p.Range > 0 ? p.Range : 0;
+  l.CosInner = std::cos(p.InnerCone);
+  l.CosOuter = std::cos(p.OuterCone);
+  return l;
+}
+
+void EmbreeScene::BuildLights(Poses& poses)
 {
   const Scene& s = *this->Source;
+  ++this->Work.LightBuilds;
   std::vector<LightTriangle> triangles;
   std::vector<Vec3f> average;
+  std::vector<double> weights; // of what moves within the shutter
+  this->BlurredTriangles.clear();
+  this->BlurredLamps.clear();
   for (std::size_t g = 0; g < this->Parts.size(); ++g)
   {
     Part& part = this->Parts[g];
     part.LightIndex.clear();
     const Material& m = s.Materials[std::size_t(part.Material)];
-    const Vec3f factor{ Radiance(m.Emission.x), Radiance(m.Emission.y), Radiance(m.Emission.z) };
-    if (!(MaxComponent(factor) > 0) || m.Unlit)
+    const Vec3f factor = this->Emissions[std::size_t(part.Material)];
+    if (!(MaxComponent(factor) > 0) || m.Unlit || (part.Moves && !part.Shown))
       continue;
     const bool textured = m.EmissiveTexture.Texture >= 0 || part.AlphaTested;
-    const std::size_t count = part.Triangles.size() / 3;
-    part.LightIndex.assign(count, -1);
-    for (std::size_t t = 0; t < count; ++t)
+    part.LightIndex.assign(part.Triangles, -1);
+    for (std::size_t t = 0; t < part.Triangles; ++t)
     {
-      const Vec3f a = this->Corner(part, part.Triangles[3 * t]), b = this->Corner(part, part.Triangles[3 * t + 1]),
-                  c = this->Corner(part, part.Triangles[3 * t + 2]);
-      LightTriangle l;
-      l.V0 = a;
-      l.E1 = b - a;
-      l.E2 = c - a;
-      l.N = Vec3f(Normalized(Cross(Vec3d(b) - Vec3d(a), Vec3d(c) - Vec3d(a))));
-      float largest = 0;
-      for (int i = 0; i < 3; ++i)
-        largest = std::max({ largest, std::fabs(a[i]), std::fabs(b[i]), std::fabs(c[i]) });
-      l.Offset = largest * OffsetScale;
-      l.Emission = factor;
-      l.TwoSided = m.DoubleSided;
-      l.Textured = textured;
-      l.Geometry = std::uint32_t(g);
-      l.Primitive = std::uint32_t(t);
+      const std::uint32_t primitive = std::uint32_t(t);
       Vec3f mean = factor;
       if (textured)
       {
@@ -345,186 +1256,294 @@ void EmbreeScene::BuildLights()
           for (int j = 0; j < 4; ++j)
           {
             const float r = std::sqrt((i + 0.5f) / 4), u = 1 - r, v = (j + 0.5f) / 4 * r;
-            mean += this->EmissionAt(part, l.Primitive, u, v) * (1.f / 16);
+            mean += this->EmissionAt(part, primitive, u, v) * (1.f / 16);
           }
       }
+      Vec3d p[3];
+      this->CornersAt(part, primitive, -1, p);
+      const Vec3d cross = Cross(p[1] - p[0], p[2] - p[0]) * (part.Mirrored ? -1. : 1.);
+      float largest = 0;
+      for (const Vec3d& corner : p)
+        for (int c = 0; c < 3; ++c)
+          largest = std::max(largest, float(std::fabs(corner[c])));
+      if (part.Open.Segments > 0)
+      {
+        MovingTriangle l;
+        l.Geometry = std::uint32_t(g);
+        l.Primitive = primitive;
+        l.Emission = factor;
+        l.Offset = largest * OffsetScale;
+        l.TwoSided = m.DoubleSided;
+        l.Textured = textured;
+        const double weight = Length(cross) / 2 * Luminance(Vec3d(mean)) * (m.DoubleSided ? 2 : 1);
+        part.LightIndex[t] = std::int32_t(this->BlurredTriangles.size()); // behind the others, see below
+        this->BlurredTriangles.push_back(l);
+        weights.push_back(std::isfinite(weight) ? weight : 0);
+        continue;
+      }
+      LightTriangle l;
+      l.V0 = Vec3f(p[0]);
+      l.E1 = Vec3f(p[1]) - l.V0;
+      l.E2 = Vec3f(p[2]) - l.V0;
+      l.N = Vec3f(Normalized(cross));
+      if (l.N == Vec3f()) // no area now: it is found by no ray, but the index is kept simple
+        continue;
+      l.Offset = largest * OffsetScale;
+      l.Emission = factor;
+      l.TwoSided = m.DoubleSided;
+      l.Textured = textured;
+      l.Geometry = std::uint32_t(g);
+      l.Primitive = primitive;
       part.LightIndex[t] = std::int32_t(triangles.size());
       triangles.push_back(l);
       average.push_back(mean);
     }
   }
+
   std::vector<PlacedLight> lights;
-  for (const PunctualLight& p : s.Lights)
+  std::vector<double> lampWeights;
+  for (std::size_t i = 0; i < s.Lights.size(); ++i)
   {
-    const Mat4 m = this->NodeMatrix(p.Node, false);
-    PlacedLight l;
-    l.Type = p.Type;
-    l.Position = Vec3f(Vec3d(m.m[0][3], m.m[1][3], m.m[2][3]) - this->Center);
-    l.Direction = Vec3f(Normalized(m.Direction({ 0, 0, -1 })));
-    l.Intensity = { Radiance(p.Intensity.x), Radiance(p.Intensity.y), Radiance(p.Intensity.z) };
-    l.Range = std::isfinite(p.Range) && p.Range > 0 ? p.Range : 0;
-    l.CosInner = std::cos(p.InnerCone);
-    l.CosOuter = std::cos(p.OuterCone);
-    if (IsFinite(l.Position) && l.Direction != Vec3f())
-      lights.push_back(l);
-  }
-  const double radius = this->Has.Geometry ? Length(this->Upper - this->Lower) / 2 : 1;
-  const std::size_t before = triangles.size();
-  this->LightSource.Build(std::move(triangles), average, std::move(lights), s, float(radius));
-  if (this->LightSource.GetTriangles().size() != before)
-    for (Part& part : this->Parts)
-      part.LightIndex.clear();
-}
-
-bool EmbreeScene::Intersect(Context& context, const TraceRay& ray, SurfaceHit& hit) const noexcept
-{
-  RTCRayHit r;
-  r.ray.org_x = ray.Origin.x;
-  r.ray.org_y = ray.Origin.y;
-  r.ray.org_z = ray.Origin.z;
-  r.ray.dir_x = ray.Direction.x;
-  r.ray.dir_y = ray.Direction.y;
-  r.ray.dir_z = ray.Direction.z;
-  r.ray.tnear = 0;
-  r.ray.tfar = ray.Far;
-  r.ray.time = 0;
-  r.ray.mask = ~0u;
-  r.ray.id = 0;
-  r.ray.flags = 0;
-  r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  context.Key = ray.Key;
-  rtcIntersect1(this->Rtc, &context.Rtc, &r);
-  if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID || !std::isfinite(r.ray.tfar))
-    return false;
-  hit.Geometry = r.hit.geomID;
-  hit.Primitive = r.hit.primID;
-  hit.U = r.hit.u;
-  hit.V = r.hit.v;
-  hit.T = r.ray.tfar;
-  const Part& part = this->Parts[hit.Geometry];
-  const std::uint32_t* v = &part.Triangles[3 * std::size_t(hit.Primitive)];
-  const Vec3f a = this->Corner(part, v[0]), b = this->Corner(part, v[1]), c = this->Corner(part, v[2]);
-  const Vec3d origin(a), e1 = Vec3d(b) - origin, e2 = Vec3d(c) - origin;
-  hit.P = origin + e1 * double(hit.U) + e2 * double(hit.V);
-  hit.Pf = Vec3f(hit.P);
-  const Vec3d n = Cross(e1, e2);
-  hit.Ng = Vec3f(n * (1 / std::sqrt(Dot(n, n))));
-  hit.Front = Dot(hit.Ng, ray.Direction) < 0;
-  float largest = 0;
-  for (int i = 0; i < 3; ++i)
-    largest = std::max(largest, std::max(std::fabs(a[i]), std::max(std::fabs(b[i]), std::fabs(c[i]))));
-  hit.Offset = largest * OffsetScale;
-  return true;
-}
-
-bool EmbreeScene::Occluded(Context& context, const TraceRay& ray) const noexcept
-{
-  RTCRay r;
-  r.org_x = ray.Origin.x;
-  r.org_y = ray.Origin.y;
-  r.org_z = ray.Origin.z;
-  r.dir_x = ray.Direction.x;
-  r.dir_y = ray.Direction.y;
-  r.dir_z = ray.Direction.z;
-  r.tnear = 0;
-  r.tfar = ray.Far;
-  r.time = 0;
-  r.mask = ~0u;
-  r.id = 0;
-  r.flags = 0;
-  context.Key = ray.Key;
-  rtcOccluded1(this->Rtc, &context.Rtc, &r);
-  return r.tfar < 0;
-}
-
-void EmbreeScene::SeeThrough(const RTCFilterFunctionNArguments* args)
-{
-  const Context* context = reinterpret_cast<const Context*>(args->context);
-  const std::size_t index = reinterpret_cast<std::size_t>(args->geometryUserPtr);
-  const EmbreeScene& self = *context->Self;
-  const Part& part = self.Parts[index];
-  for (unsigned i = 0; i < args->N; ++i)
-  {
-    if (args->valid[i] != -1)
+    const PunctualLight& p = s.Lights[i];
+    const PlacedLight l = this->PlaceLamp(p, this->NodeMatrix(p.Node, false));
+    const std::string name = Quoted("light", p.Name, int(i));
+    if (!quell::IsFinite(l.Position) || l.Direction == Vec3f() || l.Intensity != p.Intensity)
+    {
+      const std::string text = l.Intensity != p.Intensity
+                                 ? name + ": its intensity is negative or not a number; taken as 0"
+                                 : name + " is left out: its place or direction is not finite";
+      if (std::find(this->Warnings.begin(), this->Warnings.end(), text) == this->Warnings.end())
+        this->Warn(text);
+    }
+    if (!quell::IsFinite(l.Position) || l.Direction == Vec3f())
       continue;
-    const std::uint32_t primitive = RTCHitN_primID(args->hit, args->N, i);
-    const float u = RTCHitN_u(args->hit, args->N, i), v = RTCHitN_v(args->hit, args->N, i);
-    const float alpha = self.AlphaAt(part, primitive, u, v);
-    if (alpha < 1 && !(SurfaceRandom(context->Key, std::uint32_t(index), primitive) < alpha))
-      args->valid[i] = 0;
+    bool still = true;
+    if (this->Blurs() && p.Node >= 0)
+      for (int q = 0; q <= ShutterGrid && still; q += ShutterGrid / 4)
+        still = Same(this->Nodes[std::size_t(p.Node)], this->ShutterPose(poses, q).World[std::size_t(p.Node)]);
+    if (still)
+    {
+      lights.push_back(l);
+      continue;
+    }
+    MovingLamp lamp;
+    for (int q = 0; q <= LampSegments; ++q)
+    {
+      const PlacedLight at =
+        this->PlaceLamp(p, this->ShutterPose(poses, q * (ShutterGrid / LampSegments)).World[std::size_t(p.Node)]);
+      lamp.At.push_back(quell::IsFinite(at.Position) && at.Direction != Vec3f() ? at : l);
+    }
+    const double power = Luminance(Vec3d(l.Intensity)) / Pi;
+    const double weight = power * (l.Type == LightType::Directional ? Pi * this->Radius * this->Radius
+                                    : l.Type == LightType::Spot     ? 2 * Pi * (1 - double(l.CosOuter))
+                                                                    : 4 * Pi);
+    this->BlurredLamps.push_back(lamp);
+    lampWeights.push_back(std::isfinite(weight) ? weight : 0);
+    this->Has.MotionBlur = true;
   }
-}
+  const std::size_t before = triangles.size();
+  this->LightSource.Build(std::move(triangles), average, std::move(lights), s, float(this->Radius));
+  const std::size_t still = this->LightSource.GetTriangles().size();
 
-Vec2f EmbreeScene::TexCoord(const Part& part, std::uint32_t primitive, float u, float v, int set) const noexcept
-{
-  const std::vector<Vec2f>& t = part.Geometry->TexCoords[set == 1 ? 1 : 0];
-  const std::uint32_t* i = &part.Triangles[3 * std::size_t(primitive)];
-  if (i[0] >= t.size() || i[1] >= t.size() || i[2] >= t.size())
-    return {};
-  const Vec2f &a = t[i[0]], &b = t[i[1]], &c = t[i[2]];
-  const float w = 1 - u - v;
-  return { w * a.x + u * b.x + v * c.x, w * a.y + u * b.y + v * c.y };
-}
-
-Vec4f EmbreeScene::Lookup(
-  const Part& part, std::uint32_t primitive, float u, float v, const TextureUse& use) const noexcept
-{
-  const Vec2f t = this->TexCoord(part, primitive, u, v, use.TexCoord);
-  const float x = use.Transform[0][0] * t.x + use.Transform[0][1] * t.y + use.Transform[0][2];
-  const float y = use.Transform[1][0] * t.x + use.Transform[1][1] * t.y + use.Transform[1][2];
-  return this->Source->Textures[std::size_t(use.Texture)].Sample(x, y);
-}
-
-Vec4f EmbreeScene::VertexColor(const Part& part, std::uint32_t primitive, float u, float v) const noexcept
-{
-  const std::vector<Vec4f>& c = part.Geometry->Colors;
-  const std::uint32_t* i = &part.Triangles[3 * std::size_t(primitive)];
-  if (i[0] >= c.size() || i[1] >= c.size() || i[2] >= c.size())
-    return { 1, 1, 1, 1 };
-  const Vec4f &a = c[i[0]], &b = c[i[1]], &d = c[i[2]];
-  const float w = 1 - u - v;
-  return { w * a.x + u * b.x + v * d.x, w * a.y + u * b.y + v * d.y, w * a.z + u * b.z + v * d.z,
-    w * a.w + u * b.w + v * d.w };
-}
-
-float EmbreeScene::AlphaAt(const Part& part, std::uint32_t primitive, float u, float v) const noexcept
-{
-  const Material& m = this->Source->Materials[std::size_t(part.Material)];
-  if (m.Mode == AlphaMode::Opaque)
-    return 1;
-  float alpha = m.Alpha;
-  if (m.BaseColorTexture.Texture >= 0)
-    alpha *= this->Lookup(part, primitive, u, v, m.BaseColorTexture).w;
-  if (!part.Geometry->Colors.empty())
-    alpha *= this->VertexColor(part, primitive, u, v).w;
-  return m.Mode == AlphaMode::Mask ? (alpha >= m.AlphaCutoff ? 1.f : 0.f) : Unit(alpha);
-}
-
-Vec3f EmbreeScene::EmissionAt(const Part& part, std::uint32_t primitive, float u, float v) const noexcept
-{
-  const Material& m = this->Source->Materials[std::size_t(part.Material)];
-  Vec3f e{ Radiance(m.Emission.x), Radiance(m.Emission.y), Radiance(m.Emission.z) };
-  if (m.EmissiveTexture.Texture >= 0)
+  weights.insert(weights.end(), lampWeights.begin(), lampWeights.end());
+  double total = 0;
+  for (const double weight : weights)
+    total += weight;
+  const bool any = total > 0 && std::isfinite(total);
+  if (!any)
   {
-    const Vec3f t = this->Lookup(part, primitive, u, v, m.EmissiveTexture).xyz();
-    e *= Vec3f(Radiance(t.x), Radiance(t.y), Radiance(t.z));
+    this->BlurredTriangles.clear();
+    this->BlurredLamps.clear();
+    weights.clear();
   }
-  return e;
+  this->BlurredCdf.clear();
+  double sum = 0;
+  for (const double weight : weights)
+    this->BlurredCdf.push_back((sum += weight) / total);
+  if (any)
+    this->BlurredCdf.back() = 1;
+  this->Has.MovingLights = any;
+  this->MovingShare = any ? (this->LightSource.Empty() ? 1.f : 0.5f) : 0.f;
+  for (Part& part : this->Parts)
+  {
+    if (part.LightIndex.empty())
+      continue;
+    if (part.Open.Segments > 0 && any)
+      for (std::int32_t& index : part.LightIndex)
+        index += std::int32_t(still);
+    else if (part.Open.Segments > 0 || still != before)
+      part.LightIndex.clear();
+  }
 }
 
-Vec3f EmbreeScene::LightEmission(const LightSampler::Sample& s) const noexcept
+bool EmbreeScene::DrawMoving(
+  const Receiver& at, float time, float pick, float u, float v, LightSampler::Sample& out) const noexcept
 {
-  const Part& part = this->Parts[s.Geometry];
-  return this->EmissionAt(part, s.Primitive, s.U, s.V) * this->AlphaAt(part, s.Primitive, s.U, s.V);
+  if (pick >= this->MovingShare)
+  {
+    const float rest = 1 - this->MovingShare;
+    if (!this->LightSource.Draw(at, std::min(0x1.fffffep-1f, (pick - this->MovingShare) / rest), u, v, out))
+      return false;
+    out.Pdf *= rest;
+    return out.Pdf > 0;
+  }
+  const double scaled = double(pick) / double(this->MovingShare);
+  const std::size_t i = std::min(this->BlurredCdf.size() - 1,
+    std::size_t(std::upper_bound(this->BlurredCdf.begin(), this->BlurredCdf.end(), scaled) - this->BlurredCdf.begin()));
+  const double chance = this->BlurredCdf[i] - (i > 0 ? this->BlurredCdf[i - 1] : 0.);
+  const float share = float(this->MovingShare * chance);
+  if (i >= this->BlurredTriangles.size())
+  {
+    const MovingLamp& lamp = this->BlurredLamps[i - this->BlurredTriangles.size()];
+    double f;
+    const int k = Segment(time, LampSegments, f);
+    const PlacedLight &a = lamp.At[std::size_t(k)], &b = lamp.At[std::size_t(k) + 1];
+    PlacedLight l = a;
+    l.Position = Vec3f(Vec3d(a.Position) + (Vec3d(b.Position) - Vec3d(a.Position)) * f);
+    const Vec3d direction = Normalized(Vec3d(a.Direction) * (1 - f) + Vec3d(b.Direction) * f);
+    l.Direction = direction == Vec3d() ? a.Direction : Vec3f(direction);
+    return this->LightSource.DrawPunctual(l, at.Position, share, out);
+  }
+  const MovingTriangle& t = this->BlurredTriangles[i];
+  const Part& part = this->Parts[t.Geometry];
+  Vec3d p[3];
+  this->CornersAt(part, t.Primitive, time, p);
+  const float b0 = u < v ? u / 2 : u - v / 2, b1 = u < v ? v - u / 2 : v / 2; // Heitz (2019): uniform
+  const Vec3d e1 = p[1] - p[0], e2 = p[2] - p[0], cross = Cross(e1, e2) * (part.Mirrored ? -1. : 1.);
+  const double twice = Length(cross);
+  const Vec3d y = p[0] + e1 * double(b0) + e2 * double(b1);
+  const Vec3d d = y - Vec3d(at.Position);
+  const double distance2 = Dot(d, d);
+  if (!(twice > 0) || !(distance2 > 0) || !std::isfinite(distance2))
+    return false;
+  const Vec3f normal(cross / twice);
+  out.Wi = Vec3f(d / std::sqrt(distance2));
+  const float cosine = -Dot(normal, out.Wi);
+  if (!(std::fabs(cosine) > 1e-6f) || (cosine < 0 && !t.TwoSided))
+    return false;
+  out.Kind = LightSampler::Sample::From::Triangle;
+  out.AtInfinity = false;
+  out.Target = Vec3f(y) + normal * (cosine < 0 ? -t.Offset : t.Offset);
+  out.Emission = t.Emission;
+  out.Textured = t.Textured;
+  out.Geometry = t.Geometry;
+  out.Primitive = t.Primitive;
+  out.U = b0;
+  out.V = b1;
+  out.Pdf = float(double(share) * 2 / twice * distance2) / std::fabs(cosine);
+  return out.Pdf > 0 && std::isfinite(out.Pdf);
 }
 
-bool EmbreeScene::Attenuation(const SurfaceHit& hit, Vec3f& color, float& distance) const noexcept
+float EmbreeScene::MovingPdf(
+  int light, const SurfaceHit& hit, const Receiver& from, float distance2, float cosine) const noexcept
 {
-  const Material& m = this->Source->Materials[std::size_t(this->Parts[hit.Geometry].Material)];
-  color = Unit(m.AttenuationColor);
-  distance = m.AttenuationDistance;
-  return m.Volume && std::isfinite(distance) && distance > 0;
+  const std::size_t still = this->LightSource.GetTriangles().size();
+  if (std::size_t(light) < still)
+    return this->LightSource.TrianglePdf(std::uint32_t(light), from, distance2, cosine) * (1 - this->MovingShare);
+  const std::size_t i = std::size_t(light) - still;
+  const double chance = this->BlurredCdf[i] - (i > 0 ? this->BlurredCdf[i - 1] : 0.);
+  Vec3d p[3];
+  this->CornersAt(this->Parts[hit.Geometry], hit, p);
+  const double twice = Length(Cross(p[1] - p[0], p[2] - p[0]));
+  if (!(cosine > 1e-6f) || !(twice > 0))
+    return 0;
+  return float(double(float(this->MovingShare * chance)) * 2 / twice * double(distance2)) / cosine;
+}
+
+void EmbreeScene::CornersAt(const Part& part, std::uint32_t primitive, float time, Vec3d (&p)[3]) const noexcept
+{
+  const std::uint32_t* v = &part.Corners[3 * std::size_t(primitive)];
+  const bool blurred = time >= 0 && part.Open.Segments > 0;
+  double f = 0;
+  const std::size_t k = blurred ? std::size_t(Segment(time, part.Open.Segments, f)) : 0;
+  if (part.Kind == Placement::Baked && blurred)
+  {
+    const Vec3f *a = part.Open.Points[k].data(), *b = part.Open.Points[k + 1].data();
+    for (int c = 0; c < 3; ++c)
+      p[c] = Vec3d(a[v[c]]) + (Vec3d(b[v[c]]) - Vec3d(a[v[c]])) * f;
+    return;
+  }
+  for (int c = 0; c < 3; ++c)
+    p[c] = Vec3d(Corner(part, v[c]));
+  if (part.Kind != Placement::Rigid)
+    return;
+  if (blurred)
+  {
+    const Mat4 m = Mix(part.Open.Place[k], part.Open.Place[k + 1], f);
+    for (int c = 0; c < 3; ++c)
+      p[c] = m.Point(p[c]);
+  }
+  else
+    for (int c = 0; c < 3; ++c)
+      p[c] = part.Place.Point(p[c]);
+}
+
+void EmbreeScene::Locate(const Part& part, SurfaceHit& hit, const Vec3f& direction) const noexcept
+{
+  Vec3d p[3];
+  this->CornersAt(part, hit, p);
+  const Vec3d e1 = p[1] - p[0], e2 = p[2] - p[0];
+  hit.P = p[0] + e1 * double(hit.U) + e2 * double(hit.V);
+  hit.Pf = Vec3f(hit.P);
+  const Vec3d n = Normalized(Cross(e1, e2) * (part.Mirrored ? -1. : 1.));
+  hit.Ng = n == Vec3d() ? -direction : Vec3f(n); // a triangle that lost its area just now
+  hit.Front = Dot(hit.Ng, direction) < 0;
+  float largest = 0;
+  for (const Vec3d& corner : p)
+    for (int c = 0; c < 3; ++c)
+      largest = std::max(largest, float(std::fabs(corner[c])));
+  if (part.Kind == Placement::Rigid)
+    for (int c = 0; c < 3; ++c)
+      largest = std::max(largest, float(std::fabs(part.Place.m[c][3])));
+  hit.Offset = largest * OffsetScale;
+}
+
+bool EmbreeScene::NormalAt(const Part& part, const SurfaceHit& hit, Vec3f& n) const noexcept
+{
+  if (!part.Normals)
+    return false;
+  const std::uint32_t* v = &part.Corners[3 * std::size_t(hit.Primitive)];
+  const float w = 1 - hit.U - hit.V;
+  const auto between = [&](const Vec3f* list) { return list[v[0]] * w + list[v[1]] * hit.U + list[v[2]] * hit.V; };
+  if (part.Open.Segments == 0)
+  {
+    const Vec3f m = between(part.Normals);
+    for (int i = 0; i < 3; ++i)
+      n[i] = part.ToNormal[i][0] * m.x + part.ToNormal[i][1] * m.y + part.ToNormal[i][2] * m.z;
+  }
+  else
+  {
+    double f;
+    const std::size_t k = std::size_t(Segment(hit.Time, part.Open.Segments, f));
+    if (part.Kind == Placement::Baked)
+      n = between(part.Open.Normals[k].data()) * float(1 - f) + between(part.Open.Normals[k + 1].data()) * float(f);
+    else
+      n = Vec3f(Normalized(Mix(part.Open.Place[k], part.Open.Place[k + 1], f).Normal(Vec3d(between(part.Normals)))));
+  }
+  return n != Vec3f() && quell::IsFinite(n);
+}
+
+bool EmbreeScene::TangentAt(const Part& part, const SurfaceHit& hit, Vec3d& t, double& handed) const noexcept
+{
+  if (!part.Tangents)
+    return false;
+  const std::uint32_t* v = &part.Corners[3 * std::size_t(hit.Primitive)];
+  const float w = 1 - hit.U - hit.V;
+  const auto between = [&](const Vec4f* list)
+  { return list[v[0]].xyz() * w + list[v[1]].xyz() * hit.U + list[v[2]].xyz() * hit.V; };
+  handed = (part.Tangents[v[0]].w < 0) != part.FlipTangents ? -1 : 1;
+  if (part.Open.Segments == 0)
+    t = part.World.Direction(Vec3d(between(part.Tangents)));
+  else
+  {
+    double f;
+    const std::size_t k = std::size_t(Segment(hit.Time, part.Open.Segments, f));
+    if (part.Kind == Placement::Baked)
+      t = Vec3d(between(part.Open.Tangents[k].data())) * (1 - f) + Vec3d(between(part.Open.Tangents[k + 1].data())) * f;
+    else
+      t = Mix(part.Open.Place[k], part.Open.Place[k + 1], f).Direction(Vec3d(between(part.Tangents)));
+  }
+  return true;
 }
 
 bool EmbreeScene::PreviousPosition(const SurfaceHit& hit, Vec3d& p) const noexcept
@@ -532,106 +1551,22 @@ bool EmbreeScene::PreviousPosition(const SurfaceHit& hit, Vec3d& p) const noexce
   const Part& part = this->Parts[hit.Geometry];
   if (!part.Moved)
     return false;
-  const std::uint32_t* v = &part.Triangles[3 * std::size_t(hit.Primitive)];
-  const Vec3d a(part.Geometry->Positions[v[0]]), b(part.Geometry->Positions[v[1]]), c(part.Geometry->Positions[v[2]]);
-  p = part.Previous.Point(a + (b - a) * double(hit.U) + (c - a) * double(hit.V));
+  const std::uint32_t* v = &part.Corners[3 * std::size_t(hit.Primitive)];
+  Vec3d c[3];
+  for (int k = 0; k < 3; ++k)
+    c[k] =
+      part.Kind == Placement::Baked ? Vec3d(part.PreviousPoints[v[k]]) : part.Previous.Point(Vec3d(Corner(part, v[k])));
+  p = c[0] + (c[1] - c[0]) * double(hit.U) + (c[2] - c[0]) * double(hit.V);
   return true;
 }
 
-void EmbreeScene::Shade(const SurfaceHit& hit, const Vec3f& direction, SurfacePoint& point) const noexcept
+Vec3d EmbreeScene::ReferencePosition(const SurfaceHit& hit) const noexcept
 {
   const Part& part = this->Parts[hit.Geometry];
-  const Mesh& mesh = *part.Geometry;
-  const Material& m = this->Source->Materials[std::size_t(part.Material)];
-  point.Ng = hit.Front ? hit.Ng : -hit.Ng;
-  point.Ns = point.Ng;
-  const std::uint32_t* i = &part.Triangles[3 * std::size_t(hit.Primitive)];
-  const Vec3f wo = -direction;
-  if (!mesh.Normals.empty() && i[0] < mesh.Normals.size() && i[1] < mesh.Normals.size() && i[2] < mesh.Normals.size())
-  {
-    const Vec3f n = mesh.Normals[i[0]] * (1 - hit.U - hit.V) + mesh.Normals[i[1]] * hit.U + mesh.Normals[i[2]] * hit.V;
-    const Vec3f w = Vec3f(Normalized(part.World.Normal(Vec3d(n))));
-    if (w != Vec3f())
-      point.Ns = Dot(w, point.Ng) < 0 ? -w : w;
-  }
-  if (part.Textured && m.NormalTexture.Texture >= 0)
-  {
-    const Vec4f s = this->Lookup(part, hit.Primitive, hit.U, hit.V, m.NormalTexture);
-    Vec3f local{ (2 * s.x - 1) * m.NormalScale, (2 * s.y - 1) * m.NormalScale, 2 * s.z - 1 };
-    Vec3d t;
-    double handed = 1;
-    if (i[0] < mesh.Tangents.size() && i[1] < mesh.Tangents.size() && i[2] < mesh.Tangents.size())
-    {
-      const Vec4f &a = mesh.Tangents[i[0]], &b = mesh.Tangents[i[1]], &c = mesh.Tangents[i[2]];
-      t = part.World.Direction(Vec3d(a.xyz() * (1 - hit.U - hit.V) + b.xyz() * hit.U + c.xyz() * hit.V));
-      handed = (a.w < 0) != part.Mirrored ? -1 : 1;
-    }
-    else
-    {
-      // along growing u, from the triangle's texture coordinates
-      const Vec2f a = this->TexCoord(part, hit.Primitive, 0, 0, m.NormalTexture.TexCoord),
-                  b = this->TexCoord(part, hit.Primitive, 1, 0, m.NormalTexture.TexCoord),
-                  c = this->TexCoord(part, hit.Primitive, 0, 1, m.NormalTexture.TexCoord);
-      const double du1 = b.x - a.x, dv1 = b.y - a.y, du2 = c.x - a.x, dv2 = c.y - a.y;
-      const double det = du1 * dv2 - du2 * dv1;
-      const Vec3d p0(this->Corner(part, i[0])), e1 = Vec3d(this->Corner(part, i[1])) - p0,
-                                                e2 = Vec3d(this->Corner(part, i[2])) - p0;
-      if (det != 0 && std::isfinite(det))
-      {
-        t = (e1 * dv2 - e2 * dv1) * (1 / det);
-        // texture v grows downwards in glTF, the map's green upwards
-        handed = det < 0 ? 1 : -1;
-      }
-    }
-    const Vec3d n(point.Ns);
-    t = Normalized(t - n * Dot(t, n));
-    if (t != Vec3d() && IsFinite(local))
-    {
-      // The back side sees the same bumps from behind: tangents stay, only the normal was turned.
-      const Vec3d bitangent = Cross(hit.Front ? n : -n, t) * handed;
-      const Vec3d bent = t * double(local.x) + bitangent * double(local.y) + n * double(local.z);
-      const Vec3f w = Vec3f(Normalized(bent));
-      if (w != Vec3f())
-        point.Ns = w;
-    }
-  }
-  // A shading normal that looks away from the ray would be black; bend it until it just faces the ray.
-  const float facing = Dot(point.Ns, wo);
-  if (facing < 0.01f && point.Ns != point.Ng)
-  {
-    const Vec3f bent = Normalized(point.Ns + wo * (0.01f - facing));
-    point.Ns = Dot(bent, point.Ng) > 0 ? bent : point.Ng;
-  }
-
-  if (part.Plain)
-  {
-    point.Material = this->Surfaces[std::size_t(part.Material)];
-    point.Roughness = Unit(m.Roughness);
-    if (m.Unlit)
-      point.DisplayOnly = Unit(m.BaseColor);
-  }
-  else
-  {
-    MaterialValues v{ m.BaseColor, m.Metallic, m.Roughness, m.Transmission };
-    if (m.BaseColorTexture.Texture >= 0)
-      v.BaseColor *= this->Lookup(part, hit.Primitive, hit.U, hit.V, m.BaseColorTexture).xyz();
-    if (!mesh.Colors.empty())
-      v.BaseColor *= this->VertexColor(part, hit.Primitive, hit.U, hit.V).xyz();
-    if (m.MetallicRoughnessTexture.Texture >= 0)
-    {
-      const Vec4f t = this->Lookup(part, hit.Primitive, hit.U, hit.V, m.MetallicRoughnessTexture);
-      v.Roughness *= t.y;
-      v.Metallic *= t.z;
-    }
-    if (m.TransmissionTexture.Texture >= 0)
-      v.Transmission *= this->Lookup(part, hit.Primitive, hit.U, hit.V, m.TransmissionTexture).x;
-    point.Material = MakeSurface(m, v);
-    point.Roughness = Unit(v.Roughness);
-    if (m.Unlit)
-      point.DisplayOnly = Unit(v.BaseColor);
-  }
-  point.Emission = Vec3f();
-  if (hit.Front || m.DoubleSided)
-    point.Emission = m.Unlit ? Vec3f() : this->EmissionAt(part, hit.Primitive, hit.U, hit.V);
+  if (part.Open.Segments == 0)
+    return hit.P;
+  Vec3d c[3];
+  this->CornersAt(part, hit.Primitive, -1, c);
+  return c[0] + (c[1] - c[0]) * double(hit.U) + (c[2] - c[0]) * double(hit.V);
 }
 }

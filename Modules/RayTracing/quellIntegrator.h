@@ -4,45 +4,23 @@
 
 #include "quellCamera.h"
 #include "quellEmbreeScene.h"
+#include "quellFilm.h"
+#include "quellPixelFilter.h"
 #include "quellSampler.h"
+#include "quellWavefront.h"
 #include "vtkQuellRayTracingModule.h"
 
+#include <cstddef>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 namespace quell
 {
-/// Which parts of a pixel are wanted; what is not wanted is not traced. The wanted parts have the same bits whatever
-/// else is wanted.
-struct PixelWants
-{
-  bool Emission = false, Direct = false, Indirect = false; ///< the layers of radiance
-  bool Primary = false;                                    ///< depth, position, geometric normal, motion, ids, alpha
-  bool Motion = false;
-  bool Guides = false; ///< albedo, normal, roughness
-  bool HitDistance = false;
-};
-
-/// Sums and statistics over the samples of one pixel.
-struct PixelResult
-{
-  int Samples = 0, Hits = 0;
-  Vec3d Emission, Direct, Indirect; ///< sums over samples
-  Vec3d HalfA, HalfB;               ///< sums of radiance over even and odd samples
-  double MeanLuminance = 0,
-         SquareLuminance = 0; ///< Welford: mean and summed squared deviation of the sample's luminance
-  Vec3d Albedo, Normal;
-  double Roughness = 0;
-  double Depth = 0; ///< sums over the samples that hit something
-  Vec3d Position, NormalGeometric;
-  Vec2<double> Motion, SkyMotion;
-  double HitDistance = 0;
-  int HitDistances = 0;
-  int Id = 0, Material = 0; ///< of the first sample that hit something
-};
-
 struct TraceCounters
 {
-  std::int64_t Rays = 0, Paths = 0, NonFinite = 0, Lit = 0; ///< Lit: pixels above 0.001
+  std::int64_t Rays = 0, Paths = 0, NonFinite = 0; ///< NonFinite: samples dropped
+  std::vector<RecordedRay>* Record = nullptr;      ///< where rays are recorded, for measurements
 };
 
 /// Unidirectional path tracing: at every vertex one light sample and one BSDF sample, combined by the power heuristic;
@@ -67,25 +45,55 @@ public:
 
   const EmbreeScene* Scene = nullptr;
   Camera View, PreviousView;
-  PixelWants Wants;
   int MaximumBounces = 6;
   int RouletteStart = 3; ///< scatterings before Russian roulette; above MaximumBounces: none
   std::uint64_t Seed = 0;
+  SamplePattern Pattern = SamplePattern::Sobol;
   int Tick = 0, SamplesPerPixel = 1, FirstSample = 0;
   float SampleClamp = 0; ///< longest RGB length of a sample's direct and of its indirect layer; 0: no clamp
   Jitter PixelJitter = Jitter::PerSample;
+  PixelFilter Filter;   ///< density of the samples around the pixel's centre, with Jitter::PerSample
+  bool Shutter = false; ///< the shutter is open for more than a moment: rays have times in [0, 1)
   Strategy Sampling = Strategy::Mis;
+  /// Camera rays per pixel that make the guides alone (albedos, normal, roughness and the variances of them) in place
+  /// of the light samples: cheap, since they end at the guide vertex, and so clean guides of textures, edges and blur
+  /// with one light sample. Their random numbers are independent of those of the light. 0: light samples make them.
+  int GuideSamples = 0;
 
-  /// All samples of pixel (x, y) of the whole frame; thread-safe.
-  void Pixel(int x, int y, PixelResult& result, TraceCounters& counters) const noexcept;
+  /// The integrator is compiled once for each of these; all make the same bits where they are allowed.
+  enum class Variant
+  {
+    Auto,    ///< the leanest that the scene allows
+    Diffuse, ///< every surface is Lambert's and opaque: everything in vectors
+    Opaque,  ///< no glass, no clearcoat, nothing see-through
+    General
+  };
+  Variant Force = Variant::Auto; ///< for tests and measurements; must be allowed
+
+  /// Stack that Render needs for its paths, whatever is traced.
+  static std::size_t ScratchBytes() noexcept;
+  /// The variant that Render uses.
+  Variant Chosen() const noexcept;
+  /// Which variant it is and why, and what `film` spares, a line each.
+  std::vector<std::string> ExplainVariant(const Film& film) const;
+
+  /// Samples [first, first + count) of the pixels of `part` into `film`, whose wants decide what is traced. The samples
+  /// of a pixel must come in order, without gaps, from 0; guide samples are made together with the first. Thread-safe
+  /// for parts that do not overlap. Best with a few hundred samples a call; needs some 300 KB of stack.
+  void Render(Film& film, const Rect& part, int first, int count, TraceCounters& counters) const noexcept;
 
 private:
-  struct Layers
-  {
-    Vec3f Of[3];
-  };
-  void TracePath(const PixelSampler& random, double px, double py, EmbreeScene::Context& context, Layers& layers,
-    PixelResult& result, TraceCounters& counters) const noexcept;
+  struct Batch;
+  template <class Features>
+  void Run(Batch& batch) const noexcept;
+  void Primary(Batch& batch) const noexcept;
+  void DrawRandom(Batch& batch, std::uint32_t pair, int slot) const noexcept;
+  void DrawBounce(Batch& batch, int depth, SamplePair pair) const noexcept;
+  void Sky(Batch& batch, int row) const noexcept;
+  void Emit(Batch& batch, int row, const SurfaceHit& hit, const Vec3f& emission, const Vec3f& unlit) const noexcept;
+  template <class Features>
+  bool Scatter(Batch& batch, int row, int depth) const noexcept;
+  void DiffuseVertices(Batch& batch, int depth) const noexcept;
 };
 }
 

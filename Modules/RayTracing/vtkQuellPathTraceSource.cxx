@@ -7,31 +7,95 @@
 #include "vtkObjectFactory.h"
 #include "vtkQuellArraySetKey.h"
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
+#include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <limits>
+#include <map>
+#include <new>
+#include <set>
 #include <system_error>
+#include <type_traits>
 
 vtkStandardNewMacro(vtkQuellPathTraceSource);
 QUELL_STAGE_DESCRIPTION(vtkQuellPathTraceSource)
+
+/// Arrays traced together: as sums over samples while the film is kept, else as they are.
+struct vtkQuellPathTraceSource::Traced
+{
+  std::string PrimaryKey, Key; ///< what decides the bits of the primary hit's arrays, of all arrays
+  quell::Rect Region;
+  int Samples = 0, GuideSamples = 0; ///< of every pixel
+  quell::ArraySet Names;
+  std::unique_ptr<quell::Film> Film;
+  std::map<std::string, std::vector<float>> Arrays;
+  double SecondsPerSample = 0;
+
+  std::size_t FilmBytes() const { return this->Film ? this->Film->Data().size() * sizeof(double) : 0; }
+  /// Turns the film into the arrays of these names and lets go of it.
+  void Keep(const quell::ArraySet& names)
+  {
+    std::map<std::string, std::vector<float>> kept;
+    for (const std::string& name : names)
+    {
+      if (!this->Film)
+      {
+        kept[name] = std::move(this->Arrays[name]);
+        continue;
+      }
+      const quell::ArrayType* type = quell::FindArray(name);
+      const int components = type ? type->Components : 3; // bounce layers are not in the table
+      std::vector<float>& values = kept[name];
+      values.resize(std::size_t(this->Region.area()) * std::size_t(components));
+      this->Film->Develop(name, this->Region, this->Samples, quell::ImageOut(values.data(), components, this->Region),
+        this->GuideSamples);
+    }
+    this->Arrays = std::move(kept);
+    this->Names = names;
+    this->Film.reset();
+  }
+  void Get(const std::string& name, const quell::Rect& part, const quell::ImageOut& out) const
+  {
+    if (this->Film)
+    {
+      this->Film->Develop(name, part, this->Samples, out, this->GuideSamples);
+      return;
+    }
+    const std::vector<float>& from = this->Arrays.at(name);
+    const std::size_t n = std::size_t(out.components);
+    for (int y = part.y0; y < part.y1; ++y)
+      std::memcpy(out.at(part.x0, y),
+        &from[n * (std::size_t(y - this->Region.y0) * std::size_t(this->Region.width()) +
+                    std::size_t(part.x0 - this->Region.x0))],
+        std::size_t(part.width()) * n * sizeof(float));
+  }
+};
 
 struct vtkQuellPathTraceSource::Internals
 {
   std::shared_ptr<const quell::Scene> Given;  ///< by SetScene
   std::shared_ptr<const quell::Scene> Loaded; ///< from files, or Given with another environment
   std::string LoadedFrom;                     ///< files and their times
+  std::string Hash;                           ///< of scene and environment; empty: unknown
   bool Studio = false;                        ///< the sky is ours, because the scene has no light
   bool WarnedOfDarkness = false;
   int Generation = 0; ///< counts scenes
   std::unique_ptr<quell::EmbreeScene> Built;
-  int BuiltGeneration = -1;
+  int BuiltGeneration = -1, BuiltSelection = -1;
 
-  // The arrays traced last, and for what.
-  std::string Key;
-  quell::Rect Region;
-  std::map<std::string, std::vector<float>> Arrays;
+  static quell::EmbreeScene::Options Options(const vtkQuellPathTraceSource& source);
+
+  std::vector<std::unique_ptr<Traced>> Kept;
+  bool Partial = false;      ///< the last execution was finished early
+  std::string PersistentKey; ///< of that execution: Key, with contents in place of names and counts
+  std::string Pending;       ///< work given to LoadWork
+  quell::SamplingStatus Status;
 };
 
 vtkQuellPathTraceSource::vtkQuellPathTraceSource()
@@ -49,27 +113,36 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
   d.Brief = "Path-traces a scene: noisy radiance, its layers, guide features and statistics";
   d.Details =
     "Unidirectional path tracing; one light sample and one BSDF sample per vertex, combined by the power heuristic "
-    "(Veach 1997); Owen-scrambled Sobol points; box pixel filter. `emission + direct + indirect = radiance`: light "
-    "after "
-    "no, one, more non-delta scatterings.\n\n"
-    "Materials: glTF metallic-roughness with GGX, height-correlated Smith masking and Schlick's Fresnel term; the "
-    "diffuse "
-    "lobe is (1 - F(o)) (1 - F(i)) / (1 - F_avg) Lambert, which, unlike 1 - F(o.h), creates no energy. Reflection is a "
-    "perfect mirror below roughness 0.032. Transmission is smooth: refraction with the exact Fresnel equations where "
-    "the "
-    "material bounds a volume, straight through elsewhere. Shadow rays take glass for opaque and see through alpha. "
+    "(Veach 1997). `emission + direct + indirect = radiance`: light after no, one, more non-delta scatterings. "
+    "`bounce1` ... `bounce64`, light after that many, are made as well.\n\n"
+    "Materials: glTF metallic-roughness with GGX, height-correlated Smith masking, Schlick's Fresnel term and energy "
+    "compensation (white stays white at every roughness); rough and smooth transmission with the exact Fresnel "
+    "equations, refracting where the material bounds a volume, straight through thin walls elsewhere; clearcoat. "
+    "Reflection and transmission are perfectly sharp below roughness 0.032. Shadow rays take glass for opaque and see "
+    "through alpha. "
     "Back faces are rendered; single-sided emission shines from the front only.\n\n"
     "Features are means over the samples (`depth`, `position`, `motion`, `normalGeometric` over those that hit), ids "
     "come "
     "from the first sample that hit. With PixelJitter PerSample and one sample per pixel they belong to the jittered "
-    "point.\n\n"
+    "point. Under a lens or an open shutter they are means as well; `motion` is that of the point hit, between the two "
+    "frames' own times, as a pinhole sees it.\n\n"
+    "Long renders go in passes over the whole region; interrupted ones are written with the samples they have. What "
+    "was "
+    "traced is kept: more samples of the same sequence continue it.\n\n"
     "Samples that are not finite are dropped from their layer and counted. Border rule: none, every pixel stands "
     "alone.";
   d.Output("radiance", ArrayKind::Color, "linear, scene units; the sum of the three layers");
   d.Output("emission", ArrayKind::Color, "light seen directly and through perfect mirrors and glass");
   d.Output("direct", ArrayKind::Color, "light after one non-delta scattering");
   d.Output("indirect", ArrayKind::Color, "light after two or more");
+  d.Output("directDiffuse", ArrayKind::Color, "the part of `direct` that the diffuse lobe made");
+  d.Output("directSpecular", ArrayKind::Color, "the rest of it");
+  d.Output("indirectDiffuse", ArrayKind::Color,
+    "the part of `indirect` that went through the diffuse lobe of the first non-delta vertex");
+  d.Output("indirectSpecular", ArrayKind::Color, "the rest of it");
   d.Output("albedo", ArrayKind::Albedo, "reflectance at the first vertex that is not perfect mirror or glass");
+  d.Output("albedoDiffuse", ArrayKind::Albedo, "the part of `albedo` of the diffuse lobe");
+  d.Output("albedoSpecular", ArrayKind::Albedo, "the part of the other lobes");
   d.Output("normal", ArrayKind::Normal, "shading normal there, on the viewer's side");
   d.Output("roughness", ArrayKind::Scalar, "glTF roughness there, [0, 1]");
   d.Output("depth", ArrayKind::Depth, "along the view axis, of the primary hit");
@@ -80,6 +153,10 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
   d.Output("material", ArrayKind::Id, "material of the primary hit, 1 ...");
   d.Output("hitDistance", ArrayKind::Scalar, "length of the first segment after the first non-delta scattering");
   d.Output("variance", ArrayKind::Variance, "of the pixel's mean luminance");
+  d.Output("varianceAlbedo", ArrayKind::Variance, "of the pixel's mean albedo, averaged over the channels");
+  d.Output(
+    "varianceNormal", ArrayKind::Variance, "of the pixel's mean normal before it is made unit, averaged likewise");
+  d.Output("moments", ArrayKind::Moments, "mean and central second moment of the samples' luminance");
   d.Output("halfA", ArrayKind::Color, "radiance of the even samples");
   d.Output("halfB", ArrayKind::Color, "radiance of the odd samples");
   d.Output("samples", ArrayKind::Scalar, "samples spent");
@@ -103,6 +180,22 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
     "longest RGB length of one sample's direct and of its indirect light; 0: off. Darkens: a bias");
   QUELL_ENUM(d, PixelJitter, "where in the pixel samples lie: anywhere, at one Halton offset per frame, at the centre",
     "PerSample", "PerFrame", "None");
+  QUELL_ENUM(d, SamplePattern,
+    "points of the paths: Owen-scrambled Sobol; blue noise on the screen, for few samples below a filter; independent",
+    "Sobol", "BlueNoise", "Random");
+  QUELL_ENUM(d, LightSelection,
+    "how lamps are picked: Auto (a light tree from 8 lamps on), by power alone, by the tree", "Auto", "Power", "Tree");
+  QUELL_INT(d, GuideSamples, "samples",
+    "camera rays that make albedo, normal and roughness alone, in place of the light samples; 0: light samples make "
+    "them");
+  QUELL_ENUM(d, PixelFilter, "density of the samples around the pixel's centre, with PixelJitter PerSample", "Box",
+    "Tent", "Gaussian", "BlackmanHarris");
+  QUELL_DOUBLE(d, FilterRadius, "pixels", "half of the filter's width; 0: 0.5 for Box, 1 for Tent, 1.5 for the others");
+  QUELL_DOUBLE(d, LensRadius, "scene units", "of a thin lens, focal length / (2 f-number); 0: a pinhole, all is sharp");
+  QUELL_DOUBLE(d, FocusDistance, "scene units", "depth of what is sharp; 0: of what the middle of the frame sees");
+  QUELL_INT(d, LensBlades, "corners", "of the lens's opening; below 3: round");
+  QUELL_DOUBLE(d, ShutterTime, "frames",
+    "part of the time between two frames that the shutter is open, centred on the frame's time; 0: no motion blur");
 }
 
 void vtkQuellPathTraceSource::SetScene(const std::string& file)
@@ -158,8 +251,40 @@ void vtkQuellPathTraceSource::SetDefaultSky(int mode)
 
 namespace
 {
-/// A file and when it was written; a missing file has no time and fails when it is read.
 const char* const NoScene = "no scene: set Scene to a glTF or OBJ file";
+
+/// Arrays of the primary hit: no parameter of light changes them.
+bool IsPrimary(const std::string& array)
+{
+  static const std::set<std::string> names{ "depth", "position", "normalGeometric", "motion", "id", "material", "alpha",
+    "samples" };
+  return names.count(array) != 0;
+}
+/// Parameters that arrays of the primary hit do not depend on.
+bool IsOfLight(const std::string& property)
+{
+  static const std::set<std::string> names{ "MaximumBounces", "RussianRouletteStart", "SampleClamp", "LightSelection",
+    "GuideSamples" };
+  return names.count(property) != 0;
+}
+
+/// FNV-1a (64 bit) of a file's bytes, going on from `hash`.
+std::uint64_t HashFile(const std::string& file, std::uint64_t hash)
+{
+  std::ifstream stream(file, std::ios::binary);
+  char buffer[1 << 14];
+  while (stream.read(buffer, sizeof buffer) || stream.gcount() > 0)
+    for (std::streamsize i = 0; i < stream.gcount(); ++i)
+      hash = (hash ^ std::uint64_t(static_cast<unsigned char>(buffer[i]))) * 1099511628211ull;
+  return hash;
+}
+
+std::string Counted(std::int64_t n, const char* what)
+{
+  return std::to_string(n) + " " + what + (n == 1 ? "" : "s");
+}
+
+/// A file and when it was written; a missing file has no time and fails when it is read.
 
 std::string FileStamp(const std::string& file)
 {
@@ -204,6 +329,7 @@ const quell::Scene& vtkQuellPathTraceSource::LoadedScene()
       scene = lit;
     }
     in.WarnedOfDarkness = false;
+    const std::shared_ptr<const quell::Scene> base = scene;
     in.Studio = this->DefaultSky == WhenDark && !scene->HasLight();
     if (in.Studio || (this->DefaultSky == Always && !scene->Sky.Present))
     {
@@ -212,6 +338,20 @@ const quell::Scene& vtkQuellPathTraceSource::LoadedScene()
       scene = lit;
     }
     in.Loaded = scene;
+    // What the pixels show is the scene and what lights it.
+    in.Hash = scene->Hash;
+    const bool sky = in.Studio || (this->DefaultSky == Always && !base->Sky.Present);
+    if (!in.Hash.empty() && (sky || !this->Environment.empty()))
+    {
+      std::uint64_t hash = 14695981039346656037ull;
+      for (char c : in.Hash + (sky ? " studio" : ""))
+        hash = (hash ^ std::uint64_t(static_cast<unsigned char>(c))) * 1099511628211ull;
+      if (!this->Environment.empty())
+        hash = HashFile(this->Environment, hash);
+      char text[24];
+      std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+      in.Hash = text;
+    }
   }
   catch (const std::exception& e)
   {
@@ -220,6 +360,13 @@ const quell::Scene& vtkQuellPathTraceSource::LoadedScene()
   in.LoadedFrom = stamp;
   ++in.Generation;
   return *in.Loaded;
+}
+
+quell::EmbreeScene::Options vtkQuellPathTraceSource::Internals::Options(const vtkQuellPathTraceSource& s)
+{
+  quell::EmbreeScene::Options options;
+  options.Lights = quell::LightSelection(s.LightSelection);
+  return options;
 }
 
 int vtkQuellPathTraceSource::Bounces()
@@ -246,24 +393,282 @@ void vtkQuellPathTraceSource::DescribeSource(int& width, int& height)
   height = size(this->Height, scene.Resolution[1]);
 }
 
+std::vector<quell::OutputArray> vtkQuellPathTraceSource::ListDynamicOutputs()
+{
+  // Without a number of our own the scene decides, which is not opened for this.
+  const int layers = this->MaximumBounces < 0 ? quell::PathSample::MaximumBounceLayers
+                                              : std::min(this->MaximumBounces, quell::PathSample::MaximumBounceLayers);
+  std::vector<quell::OutputArray> list;
+  for (int n = 1; n <= layers; ++n)
+    list.push_back({ "bounce" + std::to_string(n), quell::ArrayKind::Color, 3,
+      "light after " + Counted(n, "non-delta scattering") });
+  return list;
+}
+
+double vtkQuellPathTraceSource::Radius() const
+{
+  return this->FilterRadius > 0      ? this->FilterRadius
+         : this->PixelFilter == Box  ? 0.5
+         : this->PixelFilter == Tent ? 1
+                                     : 1.5;
+}
+
+double vtkQuellPathTraceSource::CostPerPixel() const
+{
+  return 20. * this->SamplesPerPixel;
+}
+
+quell::SamplingStatus vtkQuellPathTraceSource::GetSamplingStatus() const
+{
+  return this->Internal->Status;
+}
+
+namespace
+{
+/// Little-endian numbers and texts in a string of bytes.
+struct WorkWriter
+{
+  std::string Bytes;
+  template <class T>
+  void Number(T value)
+  {
+    this->Bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+  }
+  void Text(const std::string& text)
+  {
+    this->Number(std::uint64_t(text.size()));
+    this->Bytes += text;
+  }
+};
+struct WorkReader
+{
+  const std::string& Bytes;
+  std::size_t At = 0;
+  bool Good = true;
+
+  template <class T>
+  T Number()
+  {
+    T value{};
+    this->Good = this->Good && this->Bytes.size() - this->At >= sizeof value;
+    if (this->Good)
+    {
+      std::memcpy(&value, &this->Bytes[this->At], sizeof value);
+      this->At += sizeof value;
+    }
+    return value;
+  }
+  std::string Text()
+  {
+    const std::uint64_t size = this->Number<std::uint64_t>();
+    this->Good = this->Good && this->Bytes.size() - this->At >= size;
+    if (!this->Good)
+      return std::string();
+    this->At += std::size_t(size);
+    return this->Bytes.substr(this->At - std::size_t(size), std::size_t(size));
+  }
+};
+const char* const WorkMagic = "path tracer's sums 1";
+
+/// One film of a saved work, before it is known whether it fits.
+struct SavedFilm
+{
+  quell::Rect Region;
+  int Samples = 0;
+  quell::ArraySet Names;
+  std::vector<double> Sums;
+};
+bool ReadWork(const std::string& bytes, std::string& key, std::vector<SavedFilm>& films)
+{
+  WorkReader r{ bytes };
+  if (r.Text() != WorkMagic)
+    return false;
+  key = r.Text();
+  for (std::uint32_t n = r.Number<std::uint32_t>(); n > 0 && r.Good; --n)
+  {
+    SavedFilm film;
+    for (int* v : { &film.Region.x0, &film.Region.y0, &film.Region.x1, &film.Region.y1, &film.Samples })
+      *v = r.Number<std::int32_t>();
+    for (std::uint32_t a = r.Number<std::uint32_t>(); a > 0 && r.Good; --a)
+      film.Names.insert(r.Text());
+    const std::uint64_t count = r.Number<std::uint64_t>();
+    r.Good = r.Good && film.Samples > 0 && !film.Region.empty() && count <= (bytes.size() - r.At) / sizeof(double);
+    if (!r.Good)
+      return false;
+    film.Sums.resize(std::size_t(count));
+    if (count > 0)
+      std::memcpy(film.Sums.data(), &bytes[r.At], std::size_t(count) * sizeof(double));
+    r.At += std::size_t(count) * sizeof(double);
+    films.push_back(std::move(film));
+  }
+  return r.Good && r.At == bytes.size();
+}
+}
+
+std::string vtkQuellPathTraceSource::SaveWork() const
+{
+  const Internals& in = *this->Internal;
+  if (!in.Partial || in.PersistentKey.empty())
+    return std::string();
+  WorkWriter w;
+  w.Text(WorkMagic);
+  w.Text(in.PersistentKey);
+  std::uint32_t films = 0;
+  for (const auto& t : in.Kept)
+    films += t->Film && t->Samples > 0;
+  w.Number(films);
+  for (const auto& t : in.Kept)
+  {
+    if (!t->Film || t->Samples == 0)
+      continue;
+    for (int v : { t->Region.x0, t->Region.y0, t->Region.x1, t->Region.y1, t->Samples })
+      w.Number(std::int32_t(v));
+    w.Number(std::uint32_t(t->Names.size()));
+    for (const std::string& name : t->Names)
+      w.Text(name);
+    const std::vector<double>& sums = t->Film->Data();
+    w.Number(std::uint64_t(sums.size()));
+    w.Bytes.append(reinterpret_cast<const char*>(sums.data()), sums.size() * sizeof(double));
+  }
+  return w.Bytes;
+}
+
+bool vtkQuellPathTraceSource::LoadWork(const std::string& bytes, std::string& error)
+{
+  std::string key;
+  std::vector<SavedFilm> films;
+  if (!ReadWork(bytes, key, films))
+  {
+    error = "the saved samples are damaged";
+    return false;
+  }
+  this->Internal->Pending = bytes;
+  this->Modified();
+  return true;
+}
+
+namespace
+{
+/// Median over the pixels that have noise of the standard error of luminance divided by its mean; -1: cannot be told.
+double NoiseOf(const quell::Film& film, const quell::Rect& region, int samples)
+{
+  if (samples < 2 || film.At().Luminance < 0 || region.empty())
+    return -1;
+  // Some 10^5 pixels tell it well: every k-th row.
+  const int step = int(1 + std::int64_t(region.area()) / 100000);
+  std::vector<float> row(2 * std::size_t(region.width())), ratios;
+  for (int y = region.y0; y < region.y1; y += step)
+  {
+    const quell::Rect part{ region.x0, y, region.x1, y + 1 };
+    film.Develop("moments", part, samples, quell::ImageOut(row.data(), 2, part));
+    for (std::size_t x = 0; x < row.size(); x += 2)
+      if (row[x] > 0 && row[x + 1] > 0)
+        ratios.push_back(std::sqrt(row[x + 1] / float(samples - 1)) / row[x]);
+  }
+  if (ratios.empty())
+    return -1;
+  const auto middle = ratios.begin() + std::ptrdiff_t(ratios.size() / 2);
+  std::nth_element(ratios.begin(), middle, ratios.end());
+  return double(*middle);
+}
+}
+
+void vtkQuellPathTraceSource::Sample(
+  quell::StageFrame& frame, std::vector<std::unique_ptr<Traced>>& work, const quell::Integrator& integrator)
+{
+  using Clock = std::chrono::steady_clock;
+  constexpr double PassSeconds = 0.5;
+  const quell::Rect region = frame.Region();
+  const int target = this->SamplesPerPixel;
+  quell::SamplingStatus& status = this->Internal->Status;
+  status = quell::SamplingStatus();
+  status.Target = target;
+  const auto before = [](const std::unique_ptr<Traced>& a, const std::unique_ptr<Traced>& b)
+  { return a->Samples < b->Samples; };
+  std::atomic<std::int64_t> rays{ 0 }, paths{ 0 }, nonFinite{ 0 };
+  double seconds = 0, noiseAt = 0;
+  std::vector<int> made(work.size(), 0);
+  status.Begun = (*std::min_element(work.begin(), work.end(), before))->Samples;
+  for (;;)
+  {
+    // Who lags behind goes first, so that all arrays have the same samples when the render is finished early.
+    const std::size_t at = std::size_t(std::min_element(work.begin(), work.end(), before) - work.begin());
+    Traced& next = *work[at];
+    status.Samples = next.Samples;
+    if (next.Samples >= target || (this->IsFinishing() && next.Samples > 0))
+      break;
+    int limit = target;
+    for (const auto& t : work)
+      if (t->Samples > next.Samples)
+        limit = std::min(limit, t->Samples);
+    int count = 1;
+    if (next.Film->BytesPerPixel() == 0)
+      count = limit - next.Samples;
+    else if (next.SecondsPerSample > 0)
+      count = int(std::max(1., std::min(PassSeconds / next.SecondsPerSample, std::max(1., 8. * made[at]))));
+    count = std::min(count, limit - next.Samples);
+
+    double done = 0;
+    for (const auto& t : work)
+      done += t->Samples;
+    const double all = double(target) * double(work.size());
+    const Clock::time_point start = Clock::now();
+    if (next.Film->BytesPerPixel() > 0)
+      this->ForEachTile(
+        region, 16,
+        [&](const quell::Rect& tile)
+        {
+          quell::TraceCounters counters;
+          integrator.Render(*next.Film, tile, next.Samples, count, counters);
+          rays += counters.Rays;
+          paths += counters.Paths;
+          nonFinite += counters.NonFinite;
+        },
+        done / all, (done + count) / all);
+    const double took = std::chrono::duration<double>(Clock::now() - start).count();
+    next.Samples += count;
+    made[at] += count;
+    next.SecondsPerSample = took / count;
+    seconds += took;
+    status.Samples = (*std::min_element(work.begin(), work.end(), before))->Samples;
+    status.SamplesPerSecond = seconds > 0 ? double(paths) / seconds : 0;
+    // Every pass to begin with, then seldom enough to cost nothing.
+    if (this->IsWatched() && next.Film->At().Luminance >= 0 && (seconds < 2 || seconds > 1.2 * noiseAt))
+    {
+      status.Noise = NoiseOf(*next.Film, region, next.Samples);
+      noiseAt = seconds;
+    }
+    if (next.Samples < target)
+      this->UpdateProgress((done + count) / all);
+  }
+  this->Counters.Rays += rays;
+  this->Counters.Paths += paths;
+  this->Counters.NonFinite += nonFinite;
+  if (nonFinite > 0)
+    this->Warnings.push_back(std::to_string(nonFinite) + " samples were not finite and were dropped");
+}
+
 void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
 {
   Internals& in = *this->Internal;
   const quell::Scene& scene = this->LoadedScene();
   this->Warnings.insert(this->Warnings.end(), scene.Warnings.begin(), scene.Warnings.end());
   const quell::Rect region = frame.Region(), whole = frame.Whole();
-  const int tick = frame.Tick();
+  const int tick = frame.Tick(), target = this->SamplesPerPixel;
   const double rate = this->Ticks.Rate > 0 ? this->Ticks.Rate : 1;
+  const double time = tick / rate, shutter = this->ShutterTime / rate;
 
   try
   {
-    if (!in.Built || in.BuiltGeneration != in.Generation)
+    if (!in.Built || in.BuiltGeneration != in.Generation || in.BuiltSelection != this->LightSelection)
     {
       in.Built.reset();
-      in.Built.reset(new quell::EmbreeScene(in.Loaded));
+      in.Built.reset(new quell::EmbreeScene(in.Loaded, Internals::Options(*this)));
       in.BuiltGeneration = in.Generation;
+      in.BuiltSelection = this->LightSelection;
     }
-    in.Built->SetTime(tick / rate, (tick - 1) / rate);
+    in.Built->SetShutter(-shutter / 2, shutter / 2);
+    in.Built->SetTime(time, (tick - 1) / rate);
   }
   catch (const std::exception& e)
   {
@@ -271,9 +676,10 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     throw quell::StageError(e.what());
   }
   quell::EmbreeScene& built = *in.Built;
-  if (built.DroppedTriangles > 0)
+  this->Warnings.insert(this->Warnings.end(), built.Warnings.begin(), built.Warnings.end());
+  if (built.DroppedTriangles > 0 && built.Warnings.empty())
     this->Warnings.push_back(
-      std::to_string(built.DroppedTriangles) + " triangles left out (no area, or corners that are not finite)");
+      Counted(built.DroppedTriangles, "triangle") + " left out (no area, or corners that are not finite)");
 
   quell::Integrator integrator;
   integrator.Scene = &built;
@@ -284,22 +690,50 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   else
   {
     const quell::CameraModel& model = scene.Cameras[index];
+    const auto pose = [&](const quell::Mat4& matrix)
+    { return quell::Camera(model, matrix, built.Origin(), whole.width(), whole.height()); };
     const auto at = [&](bool previous)
-    {
-      return quell::Camera(model, model.Node >= 0 ? built.NodeMatrix(model.Node, previous) : model.WorldFromCamera,
-        built.Origin(), whole.width(), whole.height());
-    };
+    { return pose(model.Node >= 0 ? built.NodeMatrix(model.Node, previous) : model.WorldFromCamera); };
     integrator.View = at(false);
     integrator.PreviousView = at(true);
+    if (shutter > 0 && model.Node >= 0 && scene.Animated())
+      integrator.View.MoveInShutter(
+        pose(built.NodeMatrix(model.Node, time - shutter / 2)), pose(built.NodeMatrix(model.Node, time + shutter / 2)));
+  }
+  integrator.Shutter = shutter > 0 && (built.Has.MotionBlur || integrator.View.MovesInShutter());
+  if (this->LensRadius > 0)
+  {
+    quell::Camera& view = integrator.View;
+    view.LensRadius = this->LensRadius;
+    view.LensBlades = this->LensBlades;
+    view.FocusDistance = this->FocusDistance;
+    if (!(view.FocusDistance > 0))
+    {
+      quell::Vec3d start, forward;
+      view.Ray(0.5 * whole.width(), 0.5 * whole.height(), start, forward);
+      quell::EmbreeScene::Context context;
+      built.Begin(context);
+      quell::TraceRay ray;
+      ray.Origin = quell::Vec3f(start);
+      ray.Direction = quell::Vec3f(forward);
+      ray.Time = integrator.Shutter ? 0.5f : 0.f;
+      quell::SurfaceHit hit;
+      const quell::Vec3d middle = (built.RestLower + built.RestUpper) * 0.5 - built.Origin();
+      const double depth = view.Depth(built.Intersect(context, ray, hit) ? hit.P : middle);
+      view.FocusDistance = std::isfinite(depth) && depth > 0 ? depth : 1;
+    }
   }
   integrator.MaximumBounces = this->Bounces();
   integrator.RouletteStart = this->RussianRouletteStart;
+  integrator.GuideSamples = this->GuideSamples;
   integrator.Seed = std::uint64_t(this->Seed);
   integrator.Tick = tick;
-  integrator.SamplesPerPixel = this->SamplesPerPixel;
+  integrator.SamplesPerPixel = target;
   integrator.FirstSample = this->FirstSample;
   integrator.SampleClamp = float(this->SampleClamp);
+  integrator.Pattern = quell::SamplePattern(this->SamplePattern);
   integrator.PixelJitter = quell::Integrator::Jitter(this->PixelJitter);
+  integrator.Filter = quell::PixelFilter(quell::PixelFilter::Shape(this->PixelFilter), this->Radius());
 
   quell::FrameFacts& facts = frame.OutputFacts;
   facts.HasCamera = true;
@@ -307,68 +741,161 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   facts.WorldToNdc = integrator.View.WorldToNdc();
   facts.Origin = built.Origin();
   facts.Tick = tick;
-  facts.Time = tick / rate;
+  facts.Time = time;
   facts.Seed = this->Seed;
-  facts.SamplesPerPixel = this->SamplesPerPixel;
-  facts.Scene = scene.Hash;
+  facts.Scene = in.Hash;
 
-  // Everything the pixels depend on.
-  std::string key = std::to_string(in.Generation) + ' ' + std::to_string(tick) + ' ' + std::to_string(rate) + ' ' +
-                    std::to_string(whole.width()) + 'x' + std::to_string(whole.height());
+  // Everything the pixels depend on. Of the numbers of samples only where the sequence begins: how far it goes is
+  // Traced::Samples.
+  const std::uint32_t first = std::uint32_t(tick) * std::uint32_t(target) + std::uint32_t(this->FirstSample);
+  std::string shared = std::to_string(tick) + ' ' + std::to_string(rate) + ' ' + std::to_string(whole.width()) + 'x' +
+                       std::to_string(whole.height()) + ' ' + std::to_string(first);
+  if (integrator.Pattern == quell::SamplePattern::BlueNoise)
+    shared += " of " + std::to_string(target); // its points depend on how many there are
+  std::string primaryKey = std::to_string(in.Generation) + ' ' + shared, key = primaryKey;
+  std::string persistentKey = in.Hash + ' ' + shared;
   for (const quell::Property& p : this->GetDescription().Properties)
-    key += '\n' + p.GetText(this);
-  if (in.Key != key || !in.Region.contains(region))
   {
-    in.Arrays.clear();
-    in.Key.clear();
-    in.Region = region;
+    if (p.Name == "SamplesPerPixel" || p.Name == "FirstSample")
+      continue;
+    const std::string text = '\n' + p.GetText(this);
+    key += text;
+    if (!IsOfLight(p.Name))
+      primaryKey += text;
+    if (p.Kind != quell::Property::Type::Path)
+      persistentKey += text;
   }
-  else if (in.Region != region)
+  in.PersistentKey = in.Hash.empty() ? std::string() : persistentKey;
+
+  if (!in.Pending.empty())
   {
-    const quell::Rect from = in.Region;
-    for (auto& entry : in.Arrays)
+    std::string theirs;
+    std::vector<SavedFilm> films;
+    bool fits = ReadWork(in.Pending, theirs, films) && theirs == in.PersistentKey;
+    in.Pending.clear();
+    if (fits)
+      in.Kept.clear();
+    for (SavedFilm& film : films)
     {
-      const std::size_t n = entry.second.size() / std::size_t(from.area());
-      std::vector<float> crop(std::size_t(region.area()) * n);
-      for (int y = region.y0; y < region.y1; ++y)
-        std::copy_n(
-          entry.second.begin() + std::ptrdiff_t(n) * (std::ptrdiff_t(y - from.y0) * from.width() + region.x0 - from.x0),
-          std::size_t(region.width()) * n,
-          crop.begin() + std::ptrdiff_t(n) * std::ptrdiff_t(y - region.y0) * region.width());
-      entry.second = std::move(crop);
+      fits = fits && film.Region == region && film.Samples <= target;
+      if (!fits)
+        break;
+      auto t = std::make_unique<Traced>();
+      t->PrimaryKey = primaryKey;
+      t->Key = key;
+      t->Region = film.Region;
+      t->Samples = film.Samples;
+      t->GuideSamples = this->GuideSamples;
+      t->Names = film.Names;
+      try
+      {
+        t->Film = std::make_unique<quell::Film>(region, film.Names);
+        fits = t->Film->SetData(std::move(film.Sums));
+      }
+      catch (const std::invalid_argument&)
+      {
+        fits = false;
+      }
+      if (fits)
+        in.Kept.push_back(std::move(t));
     }
-    in.Region = region;
+    if (!fits)
+      this->Warnings.push_back("the saved samples are of another frame or scene: all are traced anew");
   }
 
-  quell::ArraySet missing;
-  for (const quell::OutputArray& output : this->GetDescription().Outputs)
-    if (frame.Wants(output.Name) && !in.Arrays.count(output.Name))
-      missing.insert(output.Name);
+  // What is of no use any more goes before more memory is taken.
+  for (auto& t : in.Kept)
+  {
+    bool keep = t->Region.contains(region) && t->PrimaryKey == primaryKey &&
+                (t->Samples == target || (t->Film && t->Samples < target && t->Region == region));
+    if (keep && t->Key != key)
+    {
+      quell::ArraySet names;
+      for (const std::string& name : t->Names)
+        if (IsPrimary(name))
+          names.insert(name);
+      keep = !names.empty() && t->Samples == target;
+      if (keep)
+      {
+        t->Keep(names);
+        t->Key = key;
+      }
+    }
+    if (!keep)
+      t.reset();
+  }
+  in.Kept.erase(std::remove(in.Kept.begin(), in.Kept.end(), nullptr), in.Kept.end());
 
+  quell::ArraySet wanted;
+  for (const quell::OutputArray& output : this->GetDescription().Outputs)
+    if (frame.Wants(output.Name))
+      wanted.insert(output.Name);
+  for (const quell::OutputArray& output : this->ListDynamicOutputs())
+    if (frame.Wants(output.Name))
+    {
+      wanted.insert(output.Name);
+      frame.AddOutput(output.Name, output.Components);
+    }
+  // Who has what: complete, to be continued, or nobody. Light is not continued for the primary hit's arrays.
+  quell::ArraySet missing;
+  std::set<const Traced*> continued;
+  const auto holder = [&](const std::string& name, bool complete) -> Traced*
+  {
+    for (const auto& t : in.Kept)
+      if (t->Names.count(name) && (t->Samples == target) == complete &&
+          (complete || !t->Film->WantsLight() || continued.count(t.get()) || !IsPrimary(name)))
+        return t.get();
+    return nullptr;
+  };
+  for (int pass = 0; pass < 2; ++pass) // light decides what is continued, the primary hit goes along
+    for (const std::string& name : wanted)
+      if (IsPrimary(name) == (pass == 1) && !holder(name, true))
+      {
+        if (const Traced* t = holder(name, false))
+          continued.insert(t);
+        else
+          missing.insert(name);
+      }
+
+  // Until they are complete again they are nobody's: a cancelled pass leaves them in pieces.
+  std::vector<std::unique_ptr<Traced>> work;
+  for (auto& t : in.Kept)
+    if (t->Samples < target)
+    {
+      if (continued.count(t.get()))
+        work.push_back(std::move(t));
+      t.reset();
+    }
+  in.Kept.erase(std::remove(in.Kept.begin(), in.Kept.end(), nullptr), in.Kept.end());
+  in.Partial = false;
   if (!missing.empty())
   {
-    const auto misses = [&](const char* name) { return missing.count(name) != 0; };
-    // Views of the arrays to trace; absent ones stay untouched.
-    const auto view = [&](const char* name) { return misses(name) ? frame.Output(name) : quell::ImageOut(); };
-    const quell::ImageOut radiance = view("radiance"), emission = view("emission"), direct = view("direct"),
-                          indirect = view("indirect"), albedo = view("albedo"), normal = view("normal"),
-                          roughness = view("roughness"), depth = view("depth"), position = view("position"),
-                          normalGeometric = view("normalGeometric"), motion = view("motion"), id = view("id"),
-                          material = view("material"), hitDistance = view("hitDistance"), variance = view("variance"),
-                          halfA = view("halfA"), halfB = view("halfB"), samples = view("samples"),
-                          alpha = view("alpha");
-    const bool all = radiance || variance || halfA || halfB;
-    quell::PixelWants& wants = integrator.Wants;
-    wants.Emission = all || emission;
-    wants.Direct = all || direct;
-    wants.Indirect = all || indirect;
-    wants.Guides = albedo || normal || roughness;
-    wants.Motion = bool(motion);
-    wants.Primary = depth || position || normalGeometric || motion || id || material || alpha;
-    wants.HitDistance = bool(hitDistance);
-    const bool traces =
-      wants.Emission || wants.Direct || wants.Indirect || wants.Guides || wants.Primary || hitDistance;
-    if (wants.Direct || wants.Indirect)
+    auto t = std::make_unique<Traced>();
+    t->PrimaryKey = primaryKey;
+    t->Key = key;
+    t->Region = region;
+    t->GuideSamples = this->GuideSamples;
+    t->Names = missing;
+    std::size_t bytes = 0;
+    try
+    {
+      quell::Rect one = region;
+      one.x1 = one.x0 + 1;
+      one.y1 = one.y0 + 1;
+      const quell::Film probe(one, missing);
+      // Noise is reported of renders that take a while and make all light anyway.
+      if (this->IsWatched() && target >= 16 && probe.WantsEmission() && probe.WantsDirect() && probe.WantsIndirect())
+        t->Names.insert("moments");
+      bytes = quell::Film(one, t->Names).BytesPerPixel();
+      t->Film = std::make_unique<quell::Film>(region, t->Names);
+    }
+    catch (const std::bad_alloc&)
+    {
+      throw quell::StageError("there is no memory for the sums of " + std::to_string(region.width()) + " x " +
+                              std::to_string(region.height()) + " pixels, " + std::to_string(bytes) +
+                              " bytes each; render it in regions, or ask for fewer arrays at once");
+    }
+    if (t->Film->WantsDirect() || t->Film->WantsIndirect())
     {
       if (in.Studio)
         this->Warnings.push_back(
@@ -376,85 +903,55 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       else if (!scene.HasLight())
         this->Warnings.push_back("the scene has no light: set Environment, or give a material an emission");
     }
-    if ((halfA || halfB) && this->SamplesPerPixel == 1)
-      this->Warnings.push_back("one sample per pixel makes no two halves: halfA and halfB are the same");
+    work.push_back(std::move(t));
+  }
+  if ((wanted.count("halfA") || wanted.count("halfB")) && !work.empty() && target == 1)
+    this->Warnings.push_back("one sample per pixel makes no two halves: halfA and halfB are the same");
 
-    std::atomic<std::int64_t> rays{ 0 }, paths{ 0 }, nonFinite{ 0 }, lit{ 0 };
-    const auto put = [](const quell::ImageOut& image, int x, int y, const quell::Vec3d& v, double scale)
+  int samples = target;
+  if (!work.empty())
+  {
+    this->Sample(frame, work, integrator);
+    for (auto& t : work)
     {
-      if (!image)
-        return;
-      float* p = image.at(x, y);
-      for (int c = 0; c < 3; ++c)
-        p[c] = float(v[c] * scale);
-    };
-    const auto put1 = [](const quell::ImageOut& image, int x, int y, double v)
+      samples = std::min(samples, t->Samples);
+      in.Kept.push_back(std::move(t));
+    }
+  }
+  in.Partial = samples < target;
+  facts.SamplesPerPixel = samples;
+  if (in.Partial)
+    facts.Partial = std::to_string(samples) + " of " + std::to_string(target) + " samples";
+
+  std::vector<std::pair<const Traced*, std::pair<std::string, quell::ImageOut>>> outputs;
+  std::size_t held = 0;
+  for (const std::string& name : wanted)
+  {
+    const quell::ImageOut out = frame.Output(name);
+    const Traced* from = nullptr;
+    for (const auto& t : in.Kept)
+      if (t->Names.count(name) && (!from || t->Samples > from->Samples))
+        from = t.get();
+    outputs.push_back({ from, { name, out } });
+    held += std::size_t(region.area()) * std::size_t(out.components) * sizeof(float);
+  }
+  this->ForEachTile(
+    region, 64,
+    [&](const quell::Rect& tile)
     {
-      if (image)
-        *image.at(x, y) = float(v);
-    };
-    const auto unit = [](const quell::Vec3d& v) { return quell::Normalized(v); };
-    if (!traces)
-      for (int y = region.y0; y < region.y1; ++y)
-        for (int x = region.x0; x < region.x1; ++x)
-          put1(samples, x, y, this->SamplesPerPixel);
-    else
-      this->ForEachTile(region, 16,
-        [&](const quell::Rect& tile)
-        {
-          quell::TraceCounters counters;
-          for (int y = tile.y0; y < tile.y1; ++y)
-          {
-            if (this->IsCancelled())
-              return;
-            for (int x = tile.x0; x < tile.x1; ++x)
-            {
-              quell::PixelResult r;
-              integrator.Pixel(x, y, r, counters);
-              const double n = 1. / r.Samples, hits = r.Hits > 0 ? 1. / r.Hits : 0;
-              const quell::Vec3d sum = r.Emission + r.Direct + r.Indirect;
-              counters.Lit += quell::MaxComponent(sum) * n > 1e-3;
-              put(radiance, x, y, sum, n);
-              put(emission, x, y, r.Emission, n);
-              put(direct, x, y, r.Direct, n);
-              put(indirect, x, y, r.Indirect, n);
-              put(albedo, x, y, r.Albedo, n);
-              put(normal, x, y, unit(r.Normal), 1);
-              put1(roughness, x, y, r.Roughness * n);
-              put1(depth, x, y, r.Hits > 0 ? r.Depth * hits : std::numeric_limits<double>::infinity());
-              put(position, x, y, r.Position, hits);
-              put(normalGeometric, x, y, unit(r.NormalGeometric), 1);
-              if (motion)
-              {
-                const quell::Vec2<double> m = r.Hits > 0 ? r.Motion : r.SkyMotion;
-                const double k = r.Hits > 0 ? hits : n;
-                motion.at(x, y)[0] = float(m.x * k);
-                motion.at(x, y)[1] = float(m.y * k);
-              }
-              put1(id, x, y, r.Id);
-              put1(material, x, y, r.Material);
-              put1(hitDistance, x, y,
-                r.HitDistances > 0 ? r.HitDistance / r.HitDistances : std::numeric_limits<double>::infinity());
-              put1(variance, x, y, r.Samples > 1 ? r.SquareLuminance * n / (r.Samples - 1) : 0);
-              const int odd = (r.Samples + this->FirstSample % 2) / 2, even = r.Samples - odd;
-              put(halfA, x, y, even > 0 ? r.HalfA : r.HalfB, 1. / (even > 0 ? even : odd));
-              put(halfB, x, y, odd > 0 ? r.HalfB : r.HalfA, 1. / (odd > 0 ? odd : even));
-              put1(samples, x, y, r.Samples);
-              put1(alpha, x, y, r.Hits * n);
-            }
-          }
-          rays += counters.Rays;
-          paths += counters.Paths;
-          nonFinite += counters.NonFinite;
-          lit += counters.Lit;
-        });
-    this->Counters.Rays += rays;
-    this->Counters.Paths += paths;
-    this->Counters.NonFinite += nonFinite;
-    if (nonFinite > 0)
-      this->Warnings.push_back(std::to_string(nonFinite) + " samples were not finite and were dropped");
-    if (wants.Emission && wants.Direct && wants.Indirect && integrator.MaximumBounces > 0 && region == whole &&
-        100 * lit < region.area() && !this->IsCancelled() && scene.HasLight() && !in.WarnedOfDarkness)
+      for (const auto& o : outputs)
+        o.first->Get(o.second.first, tile, o.second.second);
+    },
+    1, 1);
+
+  if (missing.count("radiance") && integrator.MaximumBounces > 0 && region == whole && scene.HasLight() &&
+      !in.WarnedOfDarkness)
+  {
+    const quell::ImageOut radiance = frame.Output("radiance");
+    std::ptrdiff_t lit = 0;
+    for (std::ptrdiff_t p = 0; p < region.area(); ++p)
+      lit += std::max({ radiance.data[3 * p], radiance.data[3 * p + 1], radiance.data[3 * p + 2] }) > 1e-3f;
+    if (100 * lit < region.area())
     {
       in.WarnedOfDarkness = true;
       this->Warnings.push_back(
@@ -463,19 +960,30 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     }
   }
 
-  for (const quell::OutputArray& output : this->GetDescription().Outputs)
+  std::size_t films = 0;
+  for (const auto& t : in.Kept)
+    films += t->FilmBytes();
+  for (auto& t : in.Kept)
   {
-    const quell::ImageOut out = frame.Output(output.Name);
-    if (!out)
-      continue;
-    std::vector<float>& kept = in.Arrays[output.Name];
-    const std::size_t count = std::size_t(region.area()) * std::size_t(out.components);
-    if (missing.count(output.Name))
-      kept.assign(out.data, out.data + count);
-    else
-      std::memcpy(out.data, kept.data(), count * sizeof(float));
+    // The work in a partial frame stays: it is to be saved or continued.
+    if (films > this->FilmMemory && t->Film && !in.Partial)
+    {
+      films -= t->FilmBytes();
+      t->Keep(t->Names);
+    }
+    held += t->FilmBytes();
+    for (const auto& array : t->Arrays)
+      held += array.second.size() * sizeof(float);
   }
-  in.Key = key;
+  this->Counters.Held = std::int64_t(held);
+}
+
+int vtkQuellPathTraceSource::ComputePipelineMTime(
+  vtkInformation* request, vtkInformationVector** in, vtkInformationVector* out, int port, vtkMTimeType* mtime)
+{
+  if (this->Internal->Partial)
+    this->Modified(); // the next update goes on
+  return this->Superclass::ComputePipelineMTime(request, in, out, port, mtime);
 }
 
 std::vector<std::string> vtkQuellPathTraceSource::Explain()
@@ -512,6 +1020,10 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       lines.push_back("no light in the scene: a studio sky lights it");
     if (!scene.HasLight())
       lines.push_back("no light at all: the image is black");
+    if (this->LensRadius > 0)
+      lines.push_back("a lens: two random numbers more a sample");
+    if (this->ShutterTime > 0 && !scene.Animated())
+      lines.push_back("an open shutter, but nothing moves: no ray has a time");
     const int bounces = this->Bounces();
     lines.push_back(
       "paths end after " + std::to_string(bounces) + " scatterings" +
@@ -520,21 +1032,36 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       lines.push_back("no Russian roulette: paths are shorter than RussianRouletteStart");
     quell::ArraySet asked = REQUESTED_ARRAYS()->Read(this->GetOutputInformation(0));
     asked.erase(std::string());
-    if (asked.count("@primary"))
+    if (asked.count(PrimaryArray()))
       asked.insert(this->GetDescription().Outputs.front().Name);
     if (!asked.empty())
     {
-      std::string unread;
-      for (const quell::OutputArray& output : this->GetDescription().Outputs)
-        if (!asked.count(output.Name))
-          unread += (unread.empty() ? "" : ", ") + output.Name;
-      if (!unread.empty())
-        lines.push_back("not traced because nobody reads it: " + unread);
-      bool light = false;
-      for (const char* name : { "radiance", "direct", "indirect", "variance", "halfA", "halfB" })
-        light |= asked.count(name) != 0;
-      if (!light)
-        lines.push_back("no light is read: no light samples");
+      // Which integrator that means is known when the scene is ready for rays; what takes long is not done for a plan.
+      std::size_t triangles = 0;
+      for (const quell::Instance& instance : scene.Instances)
+        triangles += scene.Meshes[std::size_t(instance.Mesh)].Indices.size() / 3;
+      Internals& in = *this->Internal;
+      const bool ready = in.Built && in.BuiltGeneration == in.Generation;
+      if (ready || triangles < 1000000)
+      {
+        std::unique_ptr<quell::EmbreeScene> made;
+        if (!ready)
+        {
+          made.reset(new quell::EmbreeScene(in.Loaded, Internals::Options(*this)));
+          made->SetTime(0, 0);
+        }
+        quell::Integrator integrator;
+        integrator.Scene = ready ? in.Built.get() : made.get();
+        integrator.MaximumBounces = bounces;
+        integrator.GuideSamples = this->GuideSamples;
+        integrator.Pattern = quell::SamplePattern(this->SamplePattern);
+        quell::ArraySet traced;
+        for (const std::string& name : asked)
+          if (this->GetDescription().FindOutput(name) || name.compare(0, 6, "bounce") == 0)
+            traced.insert(name);
+        for (std::string& line : integrator.ExplainVariant(quell::Film({ 0, 0, 1, 1 }, traced)))
+          lines.push_back(std::move(line));
+      }
     }
   }
   catch (const std::exception& e)

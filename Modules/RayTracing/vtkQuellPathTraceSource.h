@@ -3,10 +3,10 @@
  * @class   vtkQuellPathTraceSource
  * @brief   path-traces a scene: noisy radiance, its layers, guide features and statistics
  *
- * Unidirectional path tracing with light and BSDF samples combined by the power heuristic (Veach 1997), Owen-scrambled
- * Sobol points and a box pixel filter. Every random number is a function of (seed, tick, sample, pixel of the whole
- * frame, decision), so an image does not depend on region, tiles or threads. Sample s of tick t uses point
- * t * SamplesPerPixel + FirstSample + s of the pixel's sequence: frames accumulated over time stay stratified.
+ * Unidirectional path tracing with light and BSDF samples combined by the power heuristic (Veach 1997) and
+ * Owen-scrambled Sobol points. Every random number is a function of (seed, tick, sample, pixel of the whole frame,
+ * decision), so an image does not depend on region, tiles, threads or passes. Sample s of tick t uses point t *
+ * SamplesPerPixel + FirstSample + s of the pixel's sequence: frames accumulated over time stay stratified.
  *
  * **Outputs** (row 0 at the bottom). Means over the pixel's samples, unless said otherwise:
  * - radiance = emission + direct + indirect: light after 0, 1, more non-delta scatterings.
@@ -23,12 +23,31 @@
  * - variance: of the pixel's mean luminance, from the spread of its samples (0 for one sample); halfA, halfB: radiance
  *   of even and odd samples (with one sample both are that sample); samples; alpha: part of the samples that hit.
  *
+ * - directDiffuse + directSpecular = direct, indirectDiffuse + indirectSpecular = indirect, by the lobe of the first
+ *   non-delta scattering; bounce1, bounce2 ... bounce64: light after that many non-delta scatterings, bounce1 = direct,
+ *   and with MaximumBounces up to 64 the others sum to indirect. They are made on demand and are dynamic outputs.
+ *
+ * **Camera.** A pinhole, a box filter and a shutter that opens for no time, unless LensRadius, PixelFilter and
+ * ShutterTime say otherwise. The open shutter is centred on the frame's time. Under a lens or an open shutter all
+ * features are means over the samples, like the light; motion is that of the point hit, from the frame's own time to
+ * the previous frame's, as the pinhole in the middle of the lens sees it; the facts' matrices are that pinhole's.
+ *
  * With PixelJitter PerSample and one sample per pixel all features belong to the same jittered point in the pixel:
  * consistent with each other and with the colour, but not the pixel centre's. Use PerFrame for temporal anti-aliasing.
  *
  * **Demand.** Only wanted arrays are traced: depth, id, motion ... shoot camera rays; albedo and normal follow mirrors;
  * emission stops at the first non-delta surface; direct after one scattering. What was traced is kept: the same
- * tick, parameters and scene asked again cost nothing, further arrays cost only themselves, a smaller region is a crop.
+ * tick, parameters and scene asked again cost nothing, further arrays cost only themselves, a smaller region is a crop,
+ * and a parameter of light alone (MaximumBounces, SampleClamp ...) leaves the primary hit's arrays.
+ *
+ * **Refinement.** The sums of all samples are kept as long as they fit GetFilmMemory(). Asked for more SamplesPerPixel,
+ * the source then traces only the samples that are missing, where they belong to the same sequence: at tick 0, or
+ * wherever tick * SamplesPerPixel + FirstSample stays the same. The bits are those of one go.
+ *
+ * **Long renders** run in passes over the whole region, of half a second or one sample. CancelToken::Finish ends one
+ * after the pass at work: every pixel of an array has the same number of samples, `samples` and the facts say how many,
+ * and the facts' Partial is set. The next update goes on with what there is; SaveWork and LoadWork carry it over to
+ * another process.
  *
  * **Samples that are not finite** (overflow of an extreme emission) are dropped from their layer and counted.
  */
@@ -38,11 +57,14 @@
 #include "vtkQuellRayTracingModule.h"
 #include "vtkQuellStage.h"
 
+#include <cstddef>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace quell
 {
+class Integrator;
 struct Scene;
 }
 
@@ -62,6 +84,13 @@ public:
     WhenDark,
     Always,
     Never
+  };
+  enum FilterShape
+  {
+    Box,
+    Tent,
+    Gaussian,
+    BlackmanHarris
   };
 
   ///@{
@@ -131,8 +160,76 @@ public:
   vtkGetMacro(PixelJitter, int);
   ///@}
 
+  ///@{
+  /// Points that paths are made of (quellSampler.h): Owen-scrambled Sobol (default), least noise per pixel; BlueNoise,
+  /// whose error at few samples has little low frequency, good below a filter; Random, independent numbers (PCG).
+  vtkSetClampMacro(SamplePattern, int, 0, 2);
+  vtkGetMacro(SamplePattern, int);
+  ///@}
+  ///@{
+  /// How lamps are picked (quellLightSampler.h): Power, by power alone; Tree, by what they bring to the point at hand;
+  /// Auto (default), the tree from 8 lamps on.
+  vtkSetClampMacro(LightSelection, int, 0, 2);
+  vtkGetMacro(LightSelection, int);
+  ///@}
+  ///@{
+  /// Camera rays per pixel that make albedo, normal, roughness and their variances alone, in place of the light
+  /// samples, and end at the guides' vertex: clean guides of textures, edges and blur next to one light sample. 0
+  /// (default): the light samples make them, and they belong to the same points. [0, 65536]
+  vtkSetClampMacro(GuideSamples, int, 0, 65536);
+  vtkGetMacro(GuideSamples, int);
+  ///@}
+  ///@{
+  /// Radius of the thin lens in scene units: focal length / (2 f-number). Default 0: a pinhole, everything is sharp.
+  /// [0, 1e30]
+  vtkSetClampMacro(LensRadius, double, 0., 1e30);
+  vtkGetMacro(LensRadius, double);
+  ///@}
+  ///@{
+  /// Depth of what is sharp, scene units. Default 0: of what the middle of the frame sees. [0, 1e30]
+  vtkSetClampMacro(FocusDistance, double, 0., 1e30);
+  vtkGetMacro(FocusDistance, double);
+  ///@}
+  ///@{
+  /// Corners of the lens's opening, one of them up; below 3: round. Default 0, [0, 64].
+  vtkSetClampMacro(LensBlades, int, 0, 64);
+  vtkGetMacro(LensBlades, int);
+  ///@}
+  ///@{
+  /// Part of the time between two frames that the shutter is open, centred on the frame's time. Default 0: no motion
+  /// blur; 0.5 is film's half-open shutter. [0, 1]
+  vtkSetClampMacro(ShutterTime, double, 0., 1.);
+  vtkGetMacro(ShutterTime, double);
+  ///@}
+  ///@{
+  /// Where PixelJitter PerSample puts the samples of a pixel: their density around its centre is the filter, so pixels
+  /// stay independent and all samples have the same weight. Box (default); Tent; Gaussian of standard deviation
+  /// FilterRadius / 3; BlackmanHarris, its four-term minimum side lobe window.
+  vtkSetClampMacro(PixelFilter, int, 0, 3);
+  vtkGetMacro(PixelFilter, int);
+  ///@}
+  ///@{
+  /// Half of the filter's width, pixels; 0 (default): 0.5 for Box, 1 for Tent, 1.5 for the others. [0, 16]
+  vtkSetClampMacro(FilterRadius, double, 0., 16.);
+  vtkGetMacro(FilterRadius, double);
+  ///@}
+
+  ///@{
+  /// Bytes that the sums of all samples may take to be kept after an execution, for refinement; above, the arrays alone
+  /// are kept. Changes no bit. Default 2^28.
+  void SetFilmMemory(std::size_t bytes) { this->FilmMemory = bytes; }
+  std::size_t GetFilmMemory() const { return this->FilmMemory; }
+  ///@}
+
   void CheckSettings() override;
+  std::vector<quell::OutputArray> ListDynamicOutputs() override;
   std::vector<std::string> Explain() override;
+  double CostPerPixel() const override;
+  quell::SamplingStatus GetSamplingStatus() const override;
+  std::string SaveWork() const override;
+  bool LoadWork(const std::string& bytes, std::string& error) override;
+  int ComputePipelineMTime(vtkInformation* request, vtkInformationVector** inInfo, vtkInformationVector* outInfo,
+    int port, vtkMTimeType* mtime) override;
 
 protected:
   vtkQuellPathTraceSource();
@@ -142,14 +239,19 @@ protected:
   void Execute(quell::StageFrame& frame) override;
 
 private:
+  struct Traced;
   struct Internals;
   const quell::Scene& LoadedScene();
   int Bounces();
+  double Radius() const;
+  void Sample(
+    quell::StageFrame& frame, std::vector<std::unique_ptr<Traced>>& work, const quell::Integrator& integrator);
 
   std::string Scene, Camera, Environment;
   int Width = 0, Height = 0, SamplesPerPixel = 1, FirstSample = 0, MaximumBounces = -1, RussianRouletteStart = 3;
-  int Seed = 0, PixelJitter = PerSample, DefaultSky = WhenDark;
-  double SampleClamp = 0;
+  int Seed = 0, PixelJitter = PerSample, DefaultSky = WhenDark, LensBlades = 0, PixelFilter = Box, GuideSamples = 0, SamplePattern = 0, LightSelection = 0;
+  double SampleClamp = 0, LensRadius = 0, FocusDistance = 0, ShutterTime = 0, FilterRadius = 0;
+  std::size_t FilmMemory = std::size_t(1) << 28;
   std::unique_ptr<Internals> Internal;
 };
 

@@ -22,12 +22,17 @@ namespace
 const char* const Reexport = "export the file again";
 
 /// Extensions whose meaning we honour.
-const char* const Understood[] = { "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
-  "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
-  "KHR_mesh_quantization", "KHR_texture_transform" };
+const char* const Understood[] = { "EXT_mesh_gpu_instancing", "EXT_texture_webp", "KHR_lights_punctual",
+  "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
+  "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume", "KHR_mesh_quantization",
+  "KHR_texture_transform" };
+/// Extensions of materials that are left out; the warning names the materials.
+const char* const IgnoredOfMaterials[] = { "KHR_materials_anisotropy", "KHR_materials_diffuse_transmission",
+  "KHR_materials_dispersion", "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness",
+  "KHR_materials_sheen" };
 /// Extensions that change nothing in the picture, or only alternatives to what the file shows by default.
-const char* const Harmless[] = { "KHR_materials_variants", "KHR_xmp", "KHR_xmp_json_ld", "KHR_animation_pointer",
-  "MSFT_lod", "EXT_lights_image_based", "KHR_draco_mesh_compression", "EXT_meshopt_compression" };
+const char* const Harmless[] = { "KHR_materials_variants", "KHR_xmp", "KHR_xmp_json_ld", "MSFT_lod",
+  "KHR_draco_mesh_compression", "EXT_meshopt_compression" };
 
 template <std::size_t N>
 bool Contains(const char* const (&list)[N], const std::string& name)
@@ -53,7 +58,9 @@ public:
     this->ReadDefaultScene();
     this->Access.CheckAll();
     this->ReadMaterials();
+    this->ReadSkins();
     this->ReadInstances();
+    this->Faults.Warn(this->Out);
     this->ReadAnimations();
   }
 
@@ -70,11 +77,18 @@ private:
   void ReadCamera(const JsonValue& node, int index);
   void ReadLight(const JsonValue& node, int index);
   void ReadMesh(const JsonValue& node, int index);
-  int ReadPrimitive(const JsonValue& primitive, const JsonValue& mesh, const JsonValue& node, int index, bool& baked);
-  void Bake(const JsonValue& primitive, const JsonValue& mesh, const JsonValue& node, int index, Mesh& out);
+  int ReadPrimitive(const JsonValue& primitive, const JsonValue& mesh, int index);
+  void ReadInfluences(const JsonValue& attributes, const std::string& who, Mesh& out);
+  void ReadTargets(const JsonValue& primitive, const std::string& who, Mesh& out);
+  void ReadWeights(const JsonValue& owner, std::size_t targets, std::vector<float>& weights);
+  void CheckJoints(const JsonValue& primitive, int mesh, const Skin& skin);
+  void MultiplyInstances(const JsonValue& node, int index, std::size_t before, int& id);
+  std::size_t TargetsOf(const JsonValue& mesh) const;
+  void ReadSkins();
   void ReadAnimations();
   bool ReadChannel(const JsonValue& animation, const JsonValue& channel, AnimationChannel& out);
   TextureUse ReadTextureUse(const JsonValue& info);
+  const Texture& ReadImage(std::size_t source);
   int ReadTexture(const JsonValue& use, bool srgb);
   int UsedMaterial(const JsonValue& primitive);
 
@@ -100,6 +114,11 @@ private:
   std::map<std::pair<std::size_t, std::size_t>, int> MeshCache; ///< (mesh, primitive) -> Scene::Meshes or -1
   std::vector<char> TexturesResolved;
   int DefaultMaterial = -1;
+  MeshFaults Faults;
+  std::vector<char> Drives; ///< node places something that is shown: Reached, a joint or an ancestor of one
+  std::map<int, std::pair<int, int>> Multiplied; ///< node of EXT_mesh_gpu_instancing -> its new children [first, end)
+  std::map<int, std::pair<std::uint32_t, std::string>> LargestJoint; ///< Scene::Meshes -> (joint in use, attribute)
+  std::map<std::string, std::vector<std::string>> Ignored;           ///< extension -> materials that have it
 };
 
 float GltfReader::Clamped(const JsonValue& json, const char* key, float otherwise, float low, float high)
@@ -152,7 +171,7 @@ void GltfReader::CheckHeader()
   {
     const JsonValue item = this->Root.Get("extensionsUsed").At(i);
     const std::string& name = item.String();
-    if (!Contains(Understood, name) && !Contains(Harmless, name))
+    if (!Contains(Understood, name) && !Contains(Harmless, name) && !Contains(IgnoredOfMaterials, name))
       this->Warn(
         item, "extension " + name + " is not supported and ignored", "the picture may differ from the author's");
   }
@@ -419,6 +438,11 @@ void GltfReader::ReadMaterials()
   this->TexturesResolved.assign(count, 0);
   for (std::size_t i = 0; i < count; ++i)
     this->ReadMaterial(this->Root.Get("materials").At(i), this->Out.Materials[i]);
+  for (const auto& ignored : this->Ignored)
+  {
+    detail::Warn(this->Out, Names(ignored.second), ignored.first + " is not supported and ignored",
+      "the picture may differ from the author's");
+  }
 }
 
 void GltfReader::ReadMaterial(const JsonValue& json, Material& m)
@@ -447,6 +471,8 @@ void GltfReader::ReadMaterial(const JsonValue& json, Material& m)
     m.NormalTexture = this->ReadTextureUse(json.Get("normalTexture"));
     m.NormalScale = json.Get("normalTexture").FloatOr("scale", 1);
   }
+  if (json.Has("occlusionTexture")) // only checked: light transport darkens corners by itself
+    this->ReadTextureUse(json.Get("occlusionTexture"));
   m.Emission = this->Color(json, "emissiveFactor", Vec3f(0), huge);
   if (json.Has("emissiveTexture"))
     m.EmissiveTexture = this->ReadTextureUse(json.Get("emissiveTexture"));
@@ -468,9 +494,10 @@ void GltfReader::ReadMaterial(const JsonValue& json, Material& m)
     const JsonValue e = json.Extension("KHR_materials_specular");
     m.Specular = this->Clamped(e, "specularFactor", 1, 0, 1);
     m.SpecularColor = this->Color(e, "specularColorFactor", Vec3f(1), huge);
-    for (const char* key : { "specularTexture", "specularColorTexture" })
-      if (e.Has(key))
-        this->Warn(e.Get(key), "this texture is not supported; only its factor is used", "");
+    if (e.Has("specularTexture"))
+      m.SpecularTexture = this->ReadTextureUse(e.Get("specularTexture"));
+    if (e.Has("specularColorTexture"))
+      m.SpecularColorTexture = this->ReadTextureUse(e.Get("specularColorTexture"));
   }
   if (json.HasExtension("KHR_materials_ior"))
   {
@@ -491,7 +518,10 @@ void GltfReader::ReadMaterial(const JsonValue& json, Material& m)
   if (json.HasExtension("KHR_materials_volume"))
   {
     const JsonValue e = json.Extension("KHR_materials_volume");
-    m.Volume = this->Clamped(e, "thicknessFactor", 0, 0, huge) > 0;
+    m.Thickness = this->Clamped(e, "thicknessFactor", 0, 0, huge);
+    m.Volume = m.Thickness > 0;
+    if (e.Has("thicknessTexture"))
+      m.ThicknessTexture = this->ReadTextureUse(e.Get("thicknessTexture"));
     m.AttenuationColor = this->Color(e, "attenuationColor", Vec3f(1), 1);
     m.AttenuationDistance = e.FloatOr("attenuationDistance", std::numeric_limits<float>::infinity());
     if (!(m.AttenuationDistance > 0))
@@ -500,63 +530,95 @@ void GltfReader::ReadMaterial(const JsonValue& json, Material& m)
       m.AttenuationDistance = std::numeric_limits<float>::infinity();
     }
   }
+  if (json.HasExtension("KHR_materials_clearcoat"))
+  {
+    const JsonValue e = json.Extension("KHR_materials_clearcoat");
+    m.Clearcoat = this->Clamped(e, "clearcoatFactor", 0, 0, 1);
+    m.ClearcoatRoughness = this->Clamped(e, "clearcoatRoughnessFactor", 0, 0, 1);
+    if (e.Has("clearcoatTexture"))
+      m.ClearcoatTexture = this->ReadTextureUse(e.Get("clearcoatTexture"));
+    if (e.Has("clearcoatRoughnessTexture"))
+      m.ClearcoatRoughnessTexture = this->ReadTextureUse(e.Get("clearcoatRoughnessTexture"));
+    if (e.Has("clearcoatNormalTexture"))
+    {
+      m.ClearcoatNormalTexture = this->ReadTextureUse(e.Get("clearcoatNormalTexture"));
+      m.ClearcoatNormalScale = e.Get("clearcoatNormalTexture").FloatOr("scale", 1);
+    }
+  }
   m.Unlit = json.HasExtension("KHR_materials_unlit");
+  for (const char* extension : IgnoredOfMaterials)
+    if (json.HasExtension(extension))
+      this->Ignored[extension].push_back(json.Where() + (m.Name.empty() ? "" : " \"" + m.Name + "\""));
+}
+
+const Texture& GltfReader::ReadImage(std::size_t source)
+{
+  const auto known = this->ImageCache.find(source);
+  if (known != this->ImageCache.end())
+    return known->second;
+  const JsonValue image = this->Root.Get("images").At(source);
+  Texture decoded;
+  Bytes content;
+  std::string reason, name = "image " + std::to_string(source);
+  bool ok = true;
+  if (image.Has("uri"))
+  {
+    const std::string& uri = image.Get("uri").String();
+    if (IsDataUri(uri))
+      ok = DecodeDataUri(uri, content, reason);
+    else if (IsRemoteUri(uri))
+    {
+      ok = false;
+      name = uri;
+      reason = "images are not fetched";
+    }
+    else
+    {
+      name = Beside(this->Out.File, DecodePercent(uri));
+      ok = ReadFile(name, content, reason) || ReadFile(Beside(this->Out.File, uri), content, reason);
+      this->Hash.Add(content.data(), content.size());
+    }
+  }
+  else
+    content = this->Access.View(image.Get("bufferView"));
+  if (!ok || !DecodeImage(content, decoded, reason))
+  {
+    decoded = Texture();
+    this->Warn(image, "image \"" + name + "\" cannot be used (" + reason + "); it is replaced by a neutral value",
+      "put the image there or correct the uri");
+  }
+  decoded.Name = this->NameOf(image, name);
+  return this->ImageCache.emplace(source, std::move(decoded)).first->second;
 }
 
 int GltfReader::ReadTexture(const JsonValue& json, bool srgb)
 {
-  if (!json.Has("source"))
+  const std::size_t images = this->Root.CountOf("images");
+  const Texture* image = nullptr;
+  if (json.HasExtension("EXT_texture_webp"))
+    image = &this->ReadImage(json.Extension("EXT_texture_webp").Get("source").Index(images, "image"));
+  if ((!image || image->Width == 0) && json.Has("source"))
+    image = &this->ReadImage(json.Get("source").Index(images, "image"));
+  if (!image)
   {
-    this->Warn(json, "the texture has no PNG or JPEG source and is ignored", "export with PNG or JPEG images");
+    this->Warn(json,
+      json.HasExtension("KHR_texture_basisu")
+        ? "the texture exists only as KTX2 (KHR_texture_basisu), which is not supported, and is ignored"
+        : "the texture has no PNG or JPEG source and is ignored",
+      "export with PNG or JPEG images");
     return -1;
   }
-  const std::size_t source = json.Get("source").Index(this->Root.CountOf("images"), "image");
-  auto found = this->ImageCache.find(source);
-  if (found == this->ImageCache.end())
-  {
-    const JsonValue image = this->Root.Get("images").At(source);
-    Texture decoded;
-    Bytes content;
-    std::string reason, name = "image " + std::to_string(source);
-    bool ok = true;
-    if (image.Has("uri"))
-    {
-      const std::string& uri = image.Get("uri").String();
-      if (IsDataUri(uri))
-        ok = DecodeDataUri(uri, content, reason);
-      else if (IsRemoteUri(uri))
-      {
-        ok = false;
-        name = uri;
-        reason = "images are not fetched";
-      }
-      else
-      {
-        name = Beside(this->Out.File, DecodePercent(uri));
-        ok = ReadFile(name, content, reason) || ReadFile(Beside(this->Out.File, uri), content, reason);
-        this->Hash.Add(content.data(), content.size());
-      }
-    }
-    else
-      content = this->Access.View(image.Get("bufferView"));
-    if (!ok || !DecodeImage(content, decoded, reason))
-    {
-      decoded = Texture();
-      this->Warn(image, "image \"" + name + "\" cannot be used (" + reason + "); it is replaced by a neutral value",
-        "put the image there or correct the uri");
-    }
-    decoded.Name = this->NameOf(image, name);
-    found = this->ImageCache.emplace(source, std::move(decoded)).first;
-  }
-  if (found->second.Width == 0)
+  if (image->Width == 0)
     return -1;
-  Texture texture = found->second;
+  Texture texture = *image;
   texture.SRGB = srgb;
   if (json.Has("sampler"))
   {
     const JsonValue sampler =
       this->Root.Get("samplers").At(json.Get("sampler").Index(this->Root.CountOf("samplers"), "sampler"));
     texture.Nearest = sampler.UnsignedOr("magFilter", 9729) == 9728;
+    const std::uint64_t minification = sampler.UnsignedOr("minFilter", 9987);
+    texture.MipMap = minification != 9728 && minification != 9729;
     for (const char* key : { "wrapS", "wrapT" })
     {
       const std::uint64_t code = sampler.UnsignedOr(key, 10497);
@@ -592,6 +654,12 @@ void GltfReader::ResolveTextures(std::size_t index)
   resolve(m.MetallicRoughnessTexture, false);
   resolve(m.NormalTexture, false);
   resolve(m.TransmissionTexture, false);
+  resolve(m.SpecularTexture, true); // only its alpha counts: files use one image for this and the next
+  resolve(m.SpecularColorTexture, true);
+  resolve(m.ThicknessTexture, false);
+  resolve(m.ClearcoatTexture, false);
+  resolve(m.ClearcoatRoughnessTexture, false);
+  resolve(m.ClearcoatNormalTexture, false);
   const bool hadEmissive = m.EmissiveTexture.Texture >= 0;
   resolve(m.EmissiveTexture, true);
   if (hadEmissive && m.EmissiveTexture.Texture < 0)
@@ -618,7 +686,7 @@ int GltfReader::UsedMaterial(const JsonValue& primitive)
 void GltfReader::ReadInstances()
 {
   int id = 0;
-  for (std::size_t i = 0; i < this->Out.Nodes.size(); ++i)
+  for (std::size_t i = 0; i < this->Reached.size(); ++i) // MultiplyInstances adds nodes behind these
   {
     if (!this->Reached[i])
       continue;
@@ -636,6 +704,8 @@ void GltfReader::ReadInstances()
         ++id;
         for (std::size_t k = before; k < this->Out.Instances.size(); ++k)
           this->Out.Instances[k].Id = id;
+        if (node.HasExtension("EXT_mesh_gpu_instancing"))
+          this->MultiplyInstances(node, int(i), before, id);
       }
     }
   }
@@ -709,34 +779,183 @@ void GltfReader::ReadLight(const JsonValue& node, int index)
   this->Out.Lights.push_back(light);
 }
 
+void GltfReader::ReadSkins()
+{
+  this->Drives = this->Reached;
+  const std::size_t count = this->Root.CountOf("skins"), nodes = this->Out.Nodes.size();
+  this->Out.Skins.resize(count);
+  for (std::size_t i = 0; i < count; ++i)
+  {
+    const JsonValue json = this->Root.Get("skins").At(i);
+    Skin& skin = this->Out.Skins[i];
+    skin.Name = json.StringOr("name", "");
+    const JsonValue joints = json.Get("joints");
+    const std::size_t size = joints.Size();
+    if (size == 0 || size > 65536) // JOINTS_n holds 16 bits at most
+      joints.Fail("a skin has 1 to 65536 joints, found " + std::to_string(size), Reexport);
+    for (std::size_t j = 0; j < size; ++j)
+      skin.Joints.push_back(int(joints.At(j).Index(nodes, "node")));
+    if (json.Has("skeleton"))
+      skin.Skeleton = int(json.Get("skeleton").Index(nodes, "node"));
+    skin.InverseBind.resize(size);
+    if (!json.Has("inverseBindMatrices"))
+      continue;
+    const JsonValue where = json.Get("inverseBindMatrices");
+    const GltfAccess::Array inverse = this->Access.Floats(where, "MAT4");
+    if (inverse.Count < size)
+      where.Fail(std::to_string(inverse.Count) + " matrices for " + std::to_string(size) + " joints", Reexport);
+    for (std::size_t j = 0; j < size; ++j)
+      for (std::size_t k = 0; k < 16; ++k)
+        if (k % 4 != 3) // the last row is 0 0 0 1
+        {
+          const float v = inverse.Values[16 * j + k];
+          if (!std::isfinite(v))
+            where.Fail("the matrix of joint " + std::to_string(j) + " is not finite", Reexport);
+          skin.InverseBind[j].m[k % 4][k / 4] = v;
+        }
+  }
+}
+
+/// Morph targets of a mesh: as many in each of its primitives (3.7.2.2).
+std::size_t GltfReader::TargetsOf(const JsonValue& mesh) const
+{
+  const JsonValue primitives = mesh.Get("primitives");
+  return primitives.Size() > 0 ? primitives.At(0).CountOf("targets") : 0;
+}
+
+void GltfReader::ReadWeights(const JsonValue& owner, std::size_t targets, std::vector<float>& weights)
+{
+  const JsonValue list = owner.Get("weights");
+  const std::size_t size = list.Size();
+  if (size != targets)
+    this->Warn(list,
+      std::to_string(size) + " weight(s) for " + std::to_string(targets) +
+        " morph target(s); missing ones are 0, others ignored",
+      Reexport);
+  for (std::size_t t = 0; t < size; ++t)
+  {
+    const float w = list.At(t).Float();
+    if (t < targets)
+      weights[t] = w;
+  }
+}
+
 void GltfReader::ReadMesh(const JsonValue& node, int index)
 {
   const std::size_t m = node.Get("mesh").Index(this->Root.CountOf("meshes"), "mesh");
   const JsonValue mesh = this->Root.Get("meshes").At(m);
   const JsonValue primitives = mesh.Get("primitives");
-  const std::size_t count = primitives.Size();
+  const std::size_t count = primitives.Size(), targets = this->TargetsOf(mesh);
+  Node& placed = this->Out.Nodes[std::size_t(index)];
+  placed.Weights.assign(targets, 0.f);
+  for (const JsonValue* owner : { &mesh, &node })
+    if (owner->Has("weights") && (targets > 0 || owner == &mesh))
+      this->ReadWeights(*owner, targets, placed.Weights);
+  if (node.Has("skin"))
+    placed.Skin = int(node.Get("skin").Index(this->Out.Skins.size(), "skin"));
+  bool jointed = false;
   for (std::size_t p = 0; p < count; ++p)
   {
+    const JsonValue primitive = primitives.At(p);
+    if (primitive.CountOf("targets") != targets)
+      primitive.Fail("the primitive has " + std::to_string(primitive.CountOf("targets")) +
+                       " morph target(s), the first one of the mesh has " + std::to_string(targets),
+        Reexport);
     const auto key = std::make_pair(m, p);
     const auto found = this->MeshCache.find(key);
-    int at;
-    // A skinned or morphed node has vertices of its own.
-    if (found != this->MeshCache.end() && !node.Has("skin") && !node.Has("weights"))
-      at = found->second;
-    else
+    const int at = found != this->MeshCache.end() ? found->second : this->ReadPrimitive(primitive, mesh, index);
+    this->MeshCache[key] = at;
+    if (at < 0)
+      continue;
+    if (placed.Skin >= 0 && this->Out.Meshes[std::size_t(at)].Influences > 0)
     {
-      bool baked = false;
-      at = this->ReadPrimitive(primitives.At(p), mesh, node, index, baked);
-      if (!baked)
-        this->MeshCache[key] = at;
+      this->CheckJoints(primitive, at, this->Out.Skins[std::size_t(placed.Skin)]);
+      jointed = true;
     }
-    if (at >= 0)
-      this->Out.Instances.push_back({ at, index, 0 });
+    this->Out.Instances.push_back({ at, index, 0 });
   }
+  if (placed.Skin >= 0 && !jointed && count > 0)
+    this->Warn(node.Get("skin"),
+      "the skin moves nothing: mesh \"" + this->NameOf(mesh, placed.Name) + "\" has no joints and weights",
+      "export the mesh with JOINTS_0 and WEIGHTS_0");
+  if (jointed)
+    for (int joint : this->Out.Skins[std::size_t(placed.Skin)].Joints)
+      for (; joint >= 0 && !this->Drives[std::size_t(joint)]; joint = this->Out.Nodes[std::size_t(joint)].Parent)
+        this->Drives[std::size_t(joint)] = 1;
 }
 
-int GltfReader::ReadPrimitive(
-  const JsonValue& primitive, const JsonValue& mesh, const JsonValue& node, int index, bool& baked)
+/// A mesh may be used with several skins, each of which must have all of its joints.
+void GltfReader::CheckJoints(const JsonValue& primitive, int mesh, const Skin& skin)
+{
+  const auto& largest = this->LargestJoint[mesh];
+  if (largest.first >= skin.Joints.size())
+    primitive.Get("attributes")
+      .Get(largest.second.c_str())
+      .Fail("joint " + std::to_string(largest.first) + " does not exist (the skin has " +
+              std::to_string(skin.Joints.size()) + ")",
+        Reexport);
+}
+
+/// EXT_mesh_gpu_instancing: the node's instances move to new children, one per place.
+void GltfReader::MultiplyInstances(const JsonValue& node, int index, std::size_t before, int& id)
+{
+  const JsonValue extension = node.Extension("EXT_mesh_gpu_instancing");
+  const JsonValue attributes = extension.Get("attributes");
+  if (this->Out.Nodes[std::size_t(index)].Skin >= 0)
+  {
+    this->Warn(extension, "instances of a skinned mesh are all at the same place; one is shown", Reexport);
+    return;
+  }
+  static const char* const keys[3] = { "TRANSLATION", "ROTATION", "SCALE" };
+  GltfAccess::Array lists[3];
+  std::size_t count = 0;
+  for (int k = 0; k < 3; ++k)
+  {
+    if (!attributes.Has(keys[k]))
+      continue;
+    const JsonValue where = attributes.Get(keys[k]);
+    lists[k] = this->Access.Floats(where, k == 1 ? "VEC4" : "VEC3");
+    if (count > 0 && lists[k].Count != count)
+      where.Fail(
+        "the attribute has " + std::to_string(lists[k].Count) + " elements, others have " + std::to_string(count),
+        Reexport);
+    count = lists[k].Count;
+    for (std::size_t i = 0; i < lists[k].Values.size(); ++i)
+      if (!std::isfinite(lists[k].Values[i]))
+        where.Fail("value " + std::to_string(i) + " is not finite", Reexport);
+  }
+  if (count == 0)
+  {
+    this->Warn(extension, "the extension places nothing and is ignored", Reexport);
+    return;
+  }
+  const std::vector<Instance> originals(
+    this->Out.Instances.begin() + std::ptrdiff_t(before), this->Out.Instances.end());
+  this->Out.Instances.resize(before);
+  const int first = int(this->Out.Nodes.size());
+  --id;
+  for (std::size_t i = 0; i < count; ++i)
+  {
+    Node child;
+    child.Name = this->Out.Nodes[std::size_t(index)].Name;
+    child.Weights = this->Out.Nodes[std::size_t(index)].Weights;
+    child.Parent = index;
+    if (lists[0].Count > 0)
+      child.Translation = { lists[0].Values[3 * i], lists[0].Values[3 * i + 1], lists[0].Values[3 * i + 2] };
+    for (std::size_t k = 0; k < 4 && lists[1].Count > 0; ++k)
+      child.Rotation[k] = lists[1].Values[4 * i + k];
+    if (lists[2].Count > 0)
+      child.Scale = { lists[2].Values[3 * i], lists[2].Values[3 * i + 1], lists[2].Values[3 * i + 2] };
+    ++id;
+    for (const Instance& original : originals)
+      this->Out.Instances.push_back({ original.Mesh, first + int(i), id });
+    this->Out.Nodes[std::size_t(index)].Children.push_back(first + int(i));
+    this->Out.Nodes.push_back(std::move(child));
+  }
+  this->Multiplied[index] = { first, first + int(count) };
+}
+
+int GltfReader::ReadPrimitive(const JsonValue& primitive, const JsonValue& mesh, int index)
 {
   const std::uint64_t mode = primitive.UnsignedOr("mode", 4);
   if (mode > 6)
@@ -844,120 +1063,151 @@ int GltfReader::ReadPrimitive(
         out.Indices.push_back(list[k]);
     }
 
-  if (node.Has("skin") || primitive.Has("targets"))
-  {
-    this->Bake(primitive, mesh, node, index, out);
-    baked = node.Has("skin") || node.Has("weights");
-  }
-  CleanMesh(this->Out, out, primitive.Where());
+  const std::string who = primitive.Where() + (out.Name.empty() ? "" : " \"" + out.Name + "\"");
+  this->ReadInfluences(attributes, who, out);
+  this->ReadTargets(primitive, who, out);
+  const Material plain;
+  const bool has = primitive.Has("material");
+  CleanMesh(this->Out, out, primitive.Where(),
+    has ? this->Out.Materials[primitive.Get("material").Index(this->TexturesResolved.size(), "material")] : plain,
+    this->Faults);
   if (out.Indices.empty())
+  {
+    this->LargestJoint.erase(int(this->Out.Meshes.size()));
     return -1;
+  }
   out.Material = this->UsedMaterial(primitive);
   this->Out.Meshes.push_back(std::move(out));
   return int(this->Out.Meshes.size()) - 1;
 }
 
-/// Morph weights and skin as the file's nodes stand, without animation.
-void GltfReader::Bake(const JsonValue& primitive, const JsonValue& mesh, const JsonValue& node, int index, Mesh& out)
+/// JOINTS_n and WEIGHTS_n. Joints of no weight become 0; which joints exist is checked with the skin.
+void GltfReader::ReadInfluences(const JsonValue& attributes, const std::string& who, Mesh& out)
 {
   const std::size_t n = out.Positions.size();
-  if (primitive.Has("targets"))
+  std::vector<std::uint32_t> joints[2];
+  GltfAccess::Array weights[2];
+  std::size_t sets = 0;
+  const char* const jointKeys[3] = { "JOINTS_0", "JOINTS_1", "JOINTS_2" };
+  const char* const weightKeys[3] = { "WEIGHTS_0", "WEIGHTS_1", "WEIGHTS_2" };
+  for (; sets < 2; ++sets)
   {
-    const JsonValue targets = primitive.Get("targets");
-    const JsonValue* owner = node.Has("weights") ? &node : mesh.Has("weights") ? &mesh : nullptr;
-    for (std::size_t t = 0; t < targets.Size(); ++t)
-    {
-      const float w = owner && t < owner->Get("weights").Size() ? owner->Get("weights").At(t).Float() : 0.f;
-      if (w == 0)
-        continue;
-      for (const char* key : { "POSITION", "NORMAL" })
-      {
-        const JsonValue target = targets.At(t);
-        std::vector<Vec3f>& base = key[0] == 'P' ? out.Positions : out.Normals;
-        if (!target.Has(key) || base.empty())
-          continue;
-        const GltfAccess::Array a = this->Access.Floats(target.Get(key), "VEC3");
-        if (a.Count != n)
-          target.Get(key).Fail(
-            "the morph target has " + std::to_string(a.Count) + " elements, POSITION has " + std::to_string(n),
-            Reexport);
-        for (std::size_t i = 0; i < n; ++i)
-          base[i] += Vec3f(a.Values[3 * i], a.Values[3 * i + 1], a.Values[3 * i + 2]) * w;
-      }
-    }
-    this->Warn(mesh, "morph targets keep their default weights; their animation is not supported", "");
+    const char *jointKey = jointKeys[sets], *weightKey = weightKeys[sets];
+    if (attributes.Has(jointKey) != attributes.Has(weightKey))
+      detail::Warn(this->Out, who,
+        std::string(attributes.Has(jointKey) ? jointKey : weightKey) + " without " +
+          (attributes.Has(jointKey) ? weightKey : jointKey) + " is ignored",
+        Reexport);
+    if (!attributes.Has(jointKey) || !attributes.Has(weightKey))
+      break;
+    joints[sets] = this->Access.Integers(attributes.Get(jointKey), "VEC4");
+    weights[sets] = this->Access.Floats(attributes.Get(weightKey), "VEC4", true);
+    if (joints[sets].size() != 4 * n)
+      attributes.Get(jointKey).Fail(
+        "the attribute has " + std::to_string(joints[sets].size() / 4) + " elements, POSITION has " + std::to_string(n),
+        Reexport);
+    if (weights[sets].Count != n)
+      attributes.Get(weightKey).Fail(
+        "the attribute has " + std::to_string(weights[sets].Count) + " elements, POSITION has " + std::to_string(n),
+        Reexport);
   }
-  const JsonValue attributes = primitive.Get("attributes");
-  if (!node.Has("skin"))
+  if (sets == 0)
     return;
-  const JsonValue skin = this->Root.Get("skins").At(node.Get("skin").Index(this->Root.CountOf("skins"), "skin"));
-  if (!attributes.Has("JOINTS_0") || !attributes.Has("WEIGHTS_0"))
-    return;
-  this->Warn(skin, "the skin keeps the pose of its nodes without animation", "");
-  const JsonValue joints = skin.Get("joints");
-  const std::size_t count = joints.Size();
-  const std::vector<Mat4> world = this->Out.WorldMatrices(0); // animation is not read yet: the pose at rest
-  Mat4 toNode;
-  if (count == 0 || !world[std::size_t(index)].Inverse(toNode))
-    return;
-  std::vector<Mat4> joint(count);
-  GltfAccess::Array inverse;
-  if (skin.Has("inverseBindMatrices"))
-  {
-    inverse = this->Access.Floats(skin.Get("inverseBindMatrices"), "MAT4");
-    if (inverse.Count < count)
-      skin.Get("inverseBindMatrices")
-        .Fail(std::to_string(inverse.Count) + " matrices for " + std::to_string(count) + " joints", Reexport);
-  }
-  for (std::size_t j = 0; j < count; ++j)
-  {
-    joint[j] = toNode * world[joints.At(j).Index(this->Out.Nodes.size(), "node")];
-    if (inverse.Count > 0)
-    {
-      Mat4 bind;
-      for (std::size_t k = 0; k < 16; ++k)
-        bind.m[k % 4][k / 4] = k % 4 == 3 ? (k == 15) : inverse.Values[16 * j + k];
-      joint[j] = joint[j] * bind;
-    }
-  }
-  const std::vector<std::uint32_t> indices = this->Access.Integers(attributes.Get("JOINTS_0"), "VEC4");
-  const GltfAccess::Array weights = this->Access.Floats(attributes.Get("WEIGHTS_0"), "VEC4", true);
-  if (indices.size() != 4 * n || weights.Count != n)
-    attributes.Get("JOINTS_0").Fail("joints and weights are not as many as POSITION", Reexport);
+  if (attributes.Has(jointKeys[2]))
+    detail::Warn(
+      this->Out, who, "more than eight joints per vertex; the others are ignored", "export with eight joints");
+  out.Influences = int(4 * sets);
+  out.Joints.assign(4 * sets * n, 0);
+  out.JointWeights.assign(4 * sets * n, 0.f);
+  std::size_t unusable = 0, idle = 0, unbalanced = 0;
+  auto& largest = this->LargestJoint[int(this->Out.Meshes.size())];
+  largest = { 0, jointKeys[0] };
   for (std::size_t i = 0; i < n; ++i)
   {
-    Mat4 blend;
     double sum = 0;
-    for (auto& row : blend.m)
-      std::fill(row, row + 4, 0.);
-    for (std::size_t k = 4 * i; k < 4 * i + 4; ++k)
+    float* to = &out.JointWeights[4 * sets * i];
+    std::uint16_t* joint = &out.Joints[4 * sets * i];
+    for (std::size_t k = 0; k < 4 * sets; ++k)
     {
-      const double w = weights.Values[k];
-      if (!(w > 0) || !std::isfinite(w))
+      const float w = weights[k / 4].Values[4 * i + k % 4];
+      const bool ok = w >= 0 && std::isfinite(w);
+      unusable += !ok;
+      if (!ok || w == 0)
         continue;
-      if (indices[k] >= count)
-        attributes.Get("JOINTS_0")
-          .Fail("joint " + std::to_string(indices[k]) + " does not exist (the skin has " + std::to_string(count) + ")",
-            Reexport);
-      for (int r = 0; r < 4; ++r)
-        for (int c = 0; c < 4; ++c)
-          blend.m[r][c] += w * joint[indices[k]].m[r][c];
-      sum += w;
+      const std::uint32_t j = joints[k / 4][4 * i + k % 4];
+      if (j > largest.first)
+        largest = { j, jointKeys[k / 4] };
+      to[k] = w;
+      joint[k] = std::uint16_t(j); // one that does not fit is not among the skin's 65536
+      sum += double(w);
     }
     if (!(sum > 0))
-      continue;
-    for (auto& row : blend.m)
-      for (double& v : row)
-        v /= sum;
-    out.Positions[i] = Vec3f(blend.Point(Vec3d(out.Positions[i])));
-    if (!out.Normals.empty())
-      out.Normals[i] = Vec3f(Normalized(blend.Normal(Vec3d(out.Normals[i]))));
-    if (!out.Tangents.empty())
     {
-      const Vec3f t(Normalized(blend.Direction(Vec3d(out.Tangents[i].xyz()))));
-      out.Tangents[i] = { t.x, t.y, t.z, out.Tangents[i].w };
+      ++idle;
+      to[0] = 1;
+      joint[0] = 0;
+      continue;
+    }
+    unbalanced += std::fabs(sum - 1) > 0.02; // rounded bytes are off by 4 / 255 at most
+    for (std::size_t k = 0; k < 4 * sets; ++k)
+      to[k] = float(double(to[k]) / sum);
+  }
+  const char* const remedy = "normalise the weights in the program that made the mesh";
+  if (unusable > 0)
+    detail::Warn(this->Out, who, std::to_string(unusable) + " joint weight(s) negative or not finite became 0", remedy);
+  if (idle > 0)
+    detail::Warn(this->Out, who,
+      std::to_string(idle) + " vertices have no joint weight and follow the first joint of the skin", remedy);
+  if (unbalanced > 0)
+    detail::Warn(this->Out, who,
+      "the joint weights of " + std::to_string(unbalanced) + " vertices do not sum to 1; they are scaled", remedy);
+}
+
+void GltfReader::ReadTargets(const JsonValue& primitive, const std::string& who, Mesh& out)
+{
+  const std::size_t count = primitive.CountOf("targets"), n = out.Positions.size();
+  std::size_t unusable = 0;
+  out.Targets.resize(count);
+  for (std::size_t t = 0; t < count; ++t)
+  {
+    const JsonValue target = primitive.Get("targets").At(t);
+    const struct
+    {
+      const char* Key;
+      bool Used;
+      std::vector<Vec3f>& List;
+    } attributes[] = { { "POSITION", true, out.Targets[t].Positions },
+      { "NORMAL", !out.Normals.empty(), out.Targets[t].Normals },
+      { "TANGENT", !out.Tangents.empty(), out.Targets[t].Tangents } };
+    for (const auto& attribute : attributes)
+    {
+      if (!target.Has(attribute.Key))
+        continue;
+      const JsonValue where = target.Get(attribute.Key);
+      const GltfAccess::Array a = this->Access.Floats(where, "VEC3");
+      if (a.Count != n)
+        where.Fail(
+          "the morph target has " + std::to_string(a.Count) + " elements, POSITION has " + std::to_string(n), Reexport);
+      if (!attribute.Used)
+        continue;
+      bool any = false;
+      attribute.List.resize(n);
+      for (std::size_t i = 0; i < n; ++i)
+        for (int c = 0; c < 3; ++c)
+        {
+          const float v = a.Values[3 * i + std::size_t(c)];
+          const bool ok = std::isfinite(v);
+          unusable += !ok;
+          attribute.List[i][c] = ok ? v : 0;
+          any = any || (ok && v != 0);
+        }
+      if (!any)
+        std::vector<Vec3f>().swap(attribute.List);
     }
   }
+  if (unusable > 0)
+    detail::Warn(this->Out, who, std::to_string(unusable) + " value(s) of morph targets are not finite and became 0",
+      "repair the mesh in the program that made it");
 }
 
 bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channel, AnimationChannel& out)
@@ -967,11 +1217,24 @@ bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channe
   const JsonValue sampler = samplers.At(channel.Get("sampler").Index(samplers.Size(), "animation sampler"));
   const std::string path = target.Get("path").String();
   if (!target.Has("node"))
-    return false; // to be ignored, says the specification
-  out.Node = int(target.Get("node").Index(this->Out.Nodes.size(), "node"));
+    return false; // to be ignored, says the specification; CheckHeader warns of KHR_animation_pointer
+  out.Node = int(target.Get("node").Index(this->Reached.size(), "node"));
+  std::size_t width = path == "rotation" ? 4 : 3;
   if (path == "weights")
-    return false; // the mesh warns
-  if (path == "translation")
+  {
+    const JsonValue node = this->Root.Get("nodes").At(std::size_t(out.Node));
+    width =
+      node.Has("mesh")
+        ? this->TargetsOf(this->Root.Get("meshes").At(node.Get("mesh").Index(this->Root.CountOf("meshes"), "mesh")))
+        : 0;
+    if (width == 0)
+    {
+      this->Warn(target.Get("node"), "morph weights of a node without morph targets are animated; ignored", Reexport);
+      return false;
+    }
+    out.Path = AnimatedPath::Weights;
+  }
+  else if (path == "translation")
     out.Path = AnimatedPath::Translation;
   else if (path == "rotation")
     out.Path = AnimatedPath::Rotation;
@@ -982,7 +1245,7 @@ bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channe
     this->Warn(target.Get("path"), "animation of \"" + path + "\" is not supported and ignored", "");
     return false;
   }
-  if (this->Out.Nodes[std::size_t(out.Node)].HasMatrix)
+  if (out.Path != AnimatedPath::Weights && this->Out.Nodes[std::size_t(out.Node)].HasMatrix)
   {
     this->Warn(target.Get("node"), "the animated node has a matrix; the channel is ignored",
       "give the node translation, rotation and scale");
@@ -996,12 +1259,15 @@ bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channe
   else if (mode != "LINEAR")
     sampler.Get("interpolation").Fail("unknown interpolation \"" + mode + "\"", "use LINEAR, STEP or CUBICSPLINE");
   GltfAccess::Array input = this->Access.Floats(sampler.Get("input"), "SCALAR");
-  GltfAccess::Array output =
-    this->Access.Floats(sampler.Get("output"), out.Path == AnimatedPath::Rotation ? "VEC4" : "VEC3");
-  const std::size_t expected = input.Count * (out.Mode == Interpolation::CubicSpline ? 3 : 1);
+  const bool weights = out.Path == AnimatedPath::Weights;
+  GltfAccess::Array output = this->Access.Floats(sampler.Get("output"), weights      ? "SCALAR"
+                                                                        : width == 4 ? "VEC4"
+                                                                                     : "VEC3");
+  const std::size_t expected = input.Count * (out.Mode == Interpolation::CubicSpline ? 3 : 1) * (weights ? width : 1);
   if (output.Count != expected)
-    sampler.Get("output").Fail(std::to_string(output.Count) + " values for " + std::to_string(input.Count) +
-                                 " times where " + std::to_string(expected) + " are expected",
+    sampler.Get("output").Fail(std::to_string(output.Count) + " values for " + std::to_string(input.Count) + " times" +
+                                 (weights ? " and " + std::to_string(width) + " morph target(s)" : "") + " where " +
+                                 std::to_string(expected) + " are expected",
       Reexport);
   for (std::size_t i = 0; i < input.Count; ++i)
     if (!std::isfinite(input.Values[i]) || (i > 0 && input.Values[i] < input.Values[i - 1]))
@@ -1048,10 +1314,21 @@ void GltfReader::ReadAnimations()
     }
     std::sort(taken.begin(), taken.end());
   }
-  // Channels of nodes that are not shown would only make a static scene look animated; ancestors are shown too.
+  // Channels of nodes that are not shown would only make a static scene look animated; ancestors are
+  // shown too, and joints elsewhere place what is shown.
   for (AnimationChannel& channel : all)
-    if (this->Reached[std::size_t(channel.Node)])
-      this->Out.Animation.push_back(std::move(channel));
+  {
+    if (!this->Drives[std::size_t(channel.Node)])
+      continue;
+    const auto multiplied = this->Multiplied.find(channel.Node);
+    if (channel.Path == AnimatedPath::Weights && multiplied != this->Multiplied.end())
+      for (int child = multiplied->second.first; child < multiplied->second.second; ++child)
+      {
+        this->Out.Animation.push_back(channel);
+        this->Out.Animation.back().Node = child;
+      }
+    this->Out.Animation.push_back(std::move(channel));
+  }
 }
 }
 

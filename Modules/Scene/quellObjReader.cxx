@@ -96,6 +96,7 @@ private:
   int MaximumIndex[3] = { -1, -1, -1 };
   std::size_t MaximumFace[3] = { 0, 0, 0 };
   bool LastAlphaBinary = false;
+  MeshFaults Faults;
 };
 
 bool ObjReader::operator()(const std::string& name, std::vector<tinyobj::material_t>*, std::map<std::string, int>*,
@@ -347,7 +348,8 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
   const float ns = in.shininess > 0 ? std::min(float(in.shininess), 1e6f) : 0.f;
   const float ni = in.ior > 1.0001f && std::isfinite(in.ior) ? std::min(float(in.ior), 100.f) : 0.f;
   const bool raytraced = in.illum == 3 || (in.illum >= 4 && in.illum <= 7);
-  const bool glass = in.illum == 4 || in.illum == 6 || in.illum == 7 || in.illum == 9;
+  const bool dissolves = d < 1 || !in.alpha_texname.empty();
+  const bool glass = !dissolves && (in.illum == 4 || in.illum == 6 || in.illum == 7 || in.illum == 9);
   out.Name = in.name;
   out.DoubleSided = true; // OBJ promises nothing about winding
   out.Metallic = 0;
@@ -364,6 +366,7 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
     const bool given = MaxComponent(tf) > 0;
     out.Transmission = 1;
     out.Volume = true;
+    out.Thickness = 1;
     for (int i = 0; i < 3; ++i)
       out.BaseColor[i] = given ? std::sqrt(tf[i]) : 1.f;
     if (ni == 0)
@@ -388,7 +391,8 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
   if (in.metallic > 0)
     out.Metallic = std::min(float(in.metallic), 1.f);
 
-  if (!in.diffuse_texname.empty() || !in.alpha_texname.empty())
+  const bool filtered = glass && MaxComponent(tf) > 0; // Tf is the colour of the glass, not what Kd says
+  if ((!in.diffuse_texname.empty() && !filtered) || !in.alpha_texname.empty())
   {
     out.BaseColorTexture = this->Map(in.diffuse_texname, in.diffuse_texopt, true, in.alpha_texname);
     if (!in.alpha_texname.empty() && out.BaseColorTexture.Texture >= 0)
@@ -442,7 +446,7 @@ void ObjReader::BuildMesh(const Part& part)
       mesh.Indices.push_back(it.first->second);
     }
   }
-  CleanMesh(this->Out, mesh, "group");
+  CleanMesh(this->Out, mesh, "group", this->Out.Materials[std::size_t(mesh.Material)], this->Faults);
   if (mesh.Indices.empty())
     return;
   this->Out.Instances.push_back({ int(this->Out.Meshes.size()), part.Group, part.Group + 1 });
@@ -514,6 +518,7 @@ void ObjReader::Read(const Bytes& content)
   }
   for (const Part& part : this->Parts)
     this->BuildMesh(part);
+  this->Faults.Warn(this->Out);
 }
 }
 

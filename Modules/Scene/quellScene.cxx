@@ -40,6 +40,7 @@ std::shared_ptr<const Scene> LoadScene(const std::string& file)
       detail::ReadObj(*scene, content, hash);
     else
       detail::ReadGltf(*scene, content, hash);
+    detail::CheckLights(*scene);
     if (scene->Instances.empty())
       detail::Warn(*scene, "", "the scene has no triangles", "check that the right file or scene was exported");
     scene->Hash = hash.Hexadecimal();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "quellScene.h"
+#include "quellSceneFiles.h"
 
 #include <algorithm>
 #include <cmath>
@@ -44,19 +44,21 @@ Quaternion Slerp(Quaternion a, Quaternion b, double t)
   return Unit(q);
 }
 
-/// The channel's value at `time`, 3 or 4 numbers. glTF 2.0, appendix C; times before the first and after the last
-/// key hold the end values.
-void Evaluate(const AnimationChannel& channel, double time, double* out)
+/// The channel's value at `time`, channel.Width() numbers. glTF 2.0, appendix C; times before the first and after the
+/// last key hold the end values.
+void Evaluate(const AnimationChannel& channel, double time, std::vector<double>& out)
 {
-  const int n = channel.Path == AnimatedPath::Rotation ? 4 : 3;
+  const std::size_t n = channel.Width();
   const bool cubic = channel.Mode == Interpolation::CubicSpline;
-  const std::size_t stride = std::size_t(cubic ? 3 * n : n);
+  const std::size_t stride = cubic ? 3 * n : n;
+  const bool rotation = channel.Path == AnimatedPath::Rotation;
+  out.resize(n);
   const std::vector<float>& times = channel.Times;
-  const auto value = [&](std::size_t key, int part)
-  { return channel.Values.data() + key * stride + std::size_t(cubic ? part * n : 0); };
+  const auto value = [&](std::size_t key, std::size_t part)
+  { return channel.Values.data() + key * stride + (cubic ? part * n : 0); };
   const auto copy = [&](std::size_t key)
   {
-    for (int i = 0; i < n; ++i)
+    for (std::size_t i = 0; i < n; ++i)
       out[i] = value(key, 1)[i];
   };
   if (!(time > times.front()))
@@ -74,32 +76,32 @@ void Evaluate(const AnimationChannel& channel, double time, double* out)
     const double t = (time - double(times[k])) / span;
     if (channel.Mode == Interpolation::Step)
       copy(k);
-    else if (channel.Mode == Interpolation::Linear && n == 4)
+    else if (channel.Mode == Interpolation::Linear && rotation)
     {
       Quaternion a, b;
-      for (int i = 0; i < 4; ++i)
+      for (std::size_t i = 0; i < 4; ++i)
       {
         a.v[i] = value(k, 0)[i];
         b.v[i] = value(k + 1, 0)[i];
       }
       const Quaternion q = Slerp(a, b, t);
-      std::copy(q.v, q.v + 4, out);
+      std::copy(q.v, q.v + 4, out.begin());
     }
     else if (channel.Mode == Interpolation::Linear)
-      for (int i = 0; i < n; ++i)
+      for (std::size_t i = 0; i < n; ++i)
         out[i] = (1 - t) * value(k, 0)[i] + t * value(k + 1, 0)[i];
     else
     {
       const double t2 = t * t, t3 = t2 * t;
-      for (int i = 0; i < n; ++i)
+      for (std::size_t i = 0; i < n; ++i)
         out[i] = (2 * t3 - 3 * t2 + 1) * value(k, 1)[i] + span * (t3 - 2 * t2 + t) * value(k, 2)[i] +
                  (3 * t2 - 2 * t3) * value(k + 1, 1)[i] + span * (t3 - t2) * value(k + 1, 0)[i];
     }
   }
-  if (n == 4)
+  if (rotation)
   {
     const Quaternion q = Unit({ { out[0], out[1], out[2], out[3] } });
-    std::copy(q.v, q.v + 4, out);
+    std::copy(q.v, q.v + 4, out.begin());
   }
 }
 
@@ -122,45 +124,98 @@ Mat4 Compose(const Vec3d& t, const Quaternion& rotation, const Vec3d& s)
 }
 }
 
-std::vector<Mat4> Scene::WorldMatrices(double time) const
+std::vector<int> detail::ParentsFirst(const std::vector<Node>& nodes)
 {
-  const std::size_t count = this->Nodes.size();
-  std::vector<Node> moved;
-  const std::vector<Node>* nodes = &this->Nodes;
-  if (!this->Animation.empty())
+  std::vector<int> order; // without recursion: depth is the file's choice
+  order.reserve(nodes.size());
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (nodes[i].Parent < 0)
+      order.push_back(int(i));
+  for (std::size_t k = 0; k < order.size(); ++k)
+    for (const int child : nodes[std::size_t(order[k])].Children)
+      order.push_back(child);
+  return order;
+}
+
+ScenePose Scene::PoseAt(double time) const
+{
+  struct Local
   {
-    moved = this->Nodes;
-    nodes = &moved;
-    for (const AnimationChannel& channel : this->Animation)
+    Vec3d Translation, Scale;
+    Quaternion Rotation;
+  };
+  const std::size_t count = this->Nodes.size();
+  ScenePose pose;
+  pose.Weights.resize(count);
+  std::vector<Local> local(count);
+  for (std::size_t i = 0; i < count; ++i)
+  {
+    const Node& node = this->Nodes[i];
+    local[i] = { node.Translation, node.Scale,
+      { { node.Rotation[0], node.Rotation[1], node.Rotation[2], node.Rotation[3] } } };
+    pose.Weights[i] = node.Weights;
+  }
+  std::vector<double> v;
+  for (const AnimationChannel& channel : this->Animation)
+  {
+    const std::size_t width = channel.Width(), expected = channel.Path == AnimatedPath::Rotation ? 4
+                                                          : channel.Path == AnimatedPath::Weights
+                                                            ? std::max<std::size_t>(width, 1)
+                                                            : 3;
+    if (channel.Node < 0 || std::size_t(channel.Node) >= count || width != expected)
+      continue;
+    const std::size_t i = std::size_t(channel.Node);
+    Evaluate(channel, std::isnan(time) ? 0 : time, v);
+    switch (channel.Path)
     {
-      if (channel.Node < 0 || std::size_t(channel.Node) >= count || channel.Times.empty())
-        continue;
-      Node& node = moved[std::size_t(channel.Node)];
-      double v[4];
-      Evaluate(channel, std::isnan(time) ? 0 : time, v);
-      if (channel.Path == AnimatedPath::Rotation)
-        std::copy(v, v + 4, node.Rotation);
-      else
-        (channel.Path == AnimatedPath::Translation ? node.Translation : node.Scale) = { v[0], v[1], v[2] };
+      case AnimatedPath::Translation:
+        local[i].Translation = { v[0], v[1], v[2] };
+        break;
+      case AnimatedPath::Rotation:
+        std::copy(v.begin(), v.end(), local[i].Rotation.v);
+        break;
+      case AnimatedPath::Scale:
+        local[i].Scale = { v[0], v[1], v[2] };
+        break;
+      case AnimatedPath::Weights:
+        pose.Weights[i].resize(width);
+        for (std::size_t k = 0; k < width; ++k)
+          pose.Weights[i][k] = detail::ToFloat(v[k]);
+        break;
     }
   }
-  std::vector<Mat4> world(count);
-  std::vector<int> queue; // parents before children, without recursion: depth is the file's choice
-  queue.reserve(count);
-  for (std::size_t i = 0; i < count; ++i)
-    if ((*nodes)[i].Parent < 0)
-      queue.push_back(int(i));
-  for (std::size_t k = 0; k < queue.size(); ++k)
+  pose.World.resize(count);
+  for (const int k : detail::ParentsFirst(this->Nodes))
   {
-    const std::size_t i = std::size_t(queue[k]);
-    const Node& node = (*nodes)[i];
-    const Quaternion rotation{ { node.Rotation[0], node.Rotation[1], node.Rotation[2], node.Rotation[3] } };
-    const Mat4 local = node.HasMatrix ? node.Matrix : Compose(node.Translation, rotation, node.Scale);
-    world[i] = node.Parent < 0 ? local : world[std::size_t(node.Parent)] * local;
-    for (const int child : node.Children)
-      queue.push_back(child);
+    const std::size_t i = std::size_t(k);
+    const Node& node = this->Nodes[i];
+    const Mat4 m = node.HasMatrix ? node.Matrix : Compose(local[i].Translation, local[i].Rotation, local[i].Scale);
+    pose.World[i] = node.Parent < 0 ? m : pose.World[std::size_t(node.Parent)] * m;
   }
-  return world;
+  return pose;
+}
+
+std::vector<Mat4> Scene::WorldMatrices(double time) const
+{
+  return this->PoseAt(time).World;
+}
+
+bool AnimationChannel::Changes() const
+{
+  const std::size_t n = this->Width(), keys = this->Times.size();
+  const bool cubic = this->Mode == Interpolation::CubicSpline;
+  const std::size_t parts = cubic ? 3 : 1;
+  if (keys < 2)
+    return false;
+  for (std::size_t k = 0; k < keys; ++k)
+    for (std::size_t part = 0; part < parts; ++part)
+      for (std::size_t i = 0; i < n; ++i)
+      {
+        const float v = this->Values[(k * parts + part) * n + i];
+        if (v != (cubic && part != 1 ? 0.f : this->Values[(cubic ? n : 0) + i]))
+          return true;
+      }
+  return false;
 }
 
 double Scene::Duration() const

@@ -5,11 +5,13 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <new>
+#include <sstream>
 
 namespace quell
 {
@@ -225,18 +227,20 @@ bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
   static const unsigned char png[] = { 0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n' };
   static const unsigned char jpeg[] = { 0xff, 0xd8, 0xff };
   const bool isPng = content.size() >= sizeof png && std::memcmp(content.data(), png, sizeof png) == 0;
+  const bool isWebp = content.size() >= 12 && std::memcmp(content.data(), "RIFF", 4) == 0 &&
+                      std::memcmp(content.data() + 8, "WEBP", 4) == 0;
   const bool isJpeg = content.size() >= sizeof jpeg && std::memcmp(content.data(), jpeg, sizeof jpeg) == 0;
-  if (!isPng && !isJpeg)
-    return reason = "this is neither PNG nor JPEG, the two formats that glTF allows", false;
+  if (!isPng && !isJpeg && !isWebp)
+    return reason = "this is neither PNG nor JPEG nor WebP, the formats that glTF allows", false;
   try
   {
     OIIO::Filesystem::IOMemReader memory(const_cast<void*>(static_cast<const void*>(content.data())), content.size());
     const OIIO::ImageSpec config = OpenConfiguration();
-    auto input = OIIO::ImageInput::create(isPng ? "png" : "jpeg");
+    auto input = OIIO::ImageInput::create(isPng ? "png" : isJpeg ? "jpeg" : "webp");
     if (!input || !input->set_ioproxy(&memory))
       return reason = "OpenImageIO lacks the format", false;
     OIIO::ImageSpec spec;
-    if (!input->open(isPng ? "memory.png" : "memory.jpg", spec, config))
+    if (!input->open(isPng ? "memory.png" : isJpeg ? "memory.jpg" : "memory.webp", spec, config))
       return reason = "decoding fails: " + input->geterror(), false;
     return ReadOpened(*input, texture, reason);
   }
@@ -315,17 +319,134 @@ static void FillNormals(Mesh& mesh, std::size_t& replaced)
 }
 
 template <class T>
-static void Compact(std::vector<T>& values, const std::vector<std::uint32_t>& kept)
+static void Compact(std::vector<T>& values, const std::vector<std::uint32_t>& kept, std::size_t each = 1)
 {
   if (values.empty())
     return;
-  std::vector<T> out(kept.size());
-  for (std::size_t i = 0; i < kept.size(); ++i)
-    out[i] = values[kept[i]];
+  std::vector<T> out(kept.size() * each);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    out[i] = values[kept[i / each] * each + i % each];
   values.swap(out);
 }
 
-void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where)
+/// For each of n things the first one that equals it. `hash` and `equal` act on indices.
+template <class Hash, class Equal>
+static std::vector<std::uint32_t> FirstEqual(std::size_t n, Hash hash, Equal equal)
+{
+  constexpr std::uint32_t empty = 0xffffffffu;
+  std::size_t size = 16;
+  while (size < 2 * n)
+    size *= 2;
+  std::vector<std::uint32_t> table(size, empty), first(n);
+  for (std::size_t i = 0; i < n; ++i)
+  {
+    std::size_t slot = std::size_t(hash(i)) & (size - 1);
+    while (table[slot] != empty && !equal(table[slot], i))
+      slot = (slot + 1) & (size - 1);
+    if (table[slot] == empty)
+      table[slot] = std::uint32_t(i);
+    first[i] = table[slot];
+  }
+  return first;
+}
+
+static std::uint64_t Mix(std::uint64_t h, std::uint32_t v)
+{
+  h = (h ^ v) * 0x9e3779b97f4a7c15ull;
+  return h ^ (h >> 29);
+}
+
+/// Triangles without area and repeated ones. Vertices of a mesh that deforms are told apart by their number, as equal
+/// ones may part; of any other mesh by their place.
+static void DropUseless(Mesh& mesh, bool doubleSided, std::size_t& flat, std::size_t& repeated)
+{
+  flat = repeated = 0;
+  const bool deforms = mesh.Influences > 0 || !mesh.Targets.empty();
+  const std::vector<Vec3f>& p = mesh.Positions;
+  std::vector<std::uint32_t> place;
+  if (!deforms)
+    place = FirstEqual(
+      p.size(),
+      [&](std::size_t i)
+      {
+        std::uint64_t h = 0;
+        for (int c = 0; c < 3; ++c)
+        {
+          const float v = p[i][c] + 0.f; // -0 is 0
+          std::uint32_t bits;
+          std::memcpy(&bits, &v, sizeof bits);
+          h = Mix(h, bits);
+        }
+        return h;
+      },
+      [&](std::size_t a, std::size_t b) { return p[a] == p[b]; });
+  std::vector<std::array<std::uint32_t, 3>> corners;
+  std::size_t write = 0;
+  corners.reserve(mesh.Indices.size() / 3);
+  for (std::size_t t = 0; t + 2 < mesh.Indices.size(); t += 3)
+  {
+    const std::uint32_t v[3] = { mesh.Indices[t], mesh.Indices[t + 1], mesh.Indices[t + 2] };
+    std::array<std::uint32_t, 3> key{ v[0], v[1], v[2] };
+    if (!deforms)
+      key = { place[v[0]], place[v[1]], place[v[2]] };
+    bool useless = key[0] == key[1] || key[1] == key[2] || key[2] == key[0];
+    if (!useless && !deforms)
+    {
+      // Corners in one line up to the rounding of this very computation.
+      const Vec3d a(p[v[0]]), e(Vec3d(p[v[1]]) - a), f(Vec3d(p[v[2]]) - a);
+      useless = Length(Cross(e, f)) <= 1e-14 * Length(e) * Length(f);
+    }
+    if (useless)
+    {
+      ++flat;
+      continue;
+    }
+    if (doubleSided)
+      std::sort(key.begin(), key.end());
+    else
+      std::rotate(key.begin(), std::min_element(key.begin(), key.end()), key.end());
+    corners.push_back(key);
+    for (int k = 0; k < 3; ++k)
+      mesh.Indices[write++] = v[k];
+  }
+  mesh.Indices.resize(write);
+  const std::vector<std::uint32_t> first = FirstEqual(
+    corners.size(), [&](std::size_t i) { return Mix(Mix(Mix(0, corners[i][0]), corners[i][1]), corners[i][2]); },
+    [&](std::size_t a, std::size_t b) { return corners[a] == corners[b]; });
+  write = 0;
+  for (std::size_t i = 0; i < first.size(); ++i)
+  {
+    if (first[i] != i)
+    {
+      ++repeated;
+      continue;
+    }
+    for (std::size_t k = 0; k < 3; ++k)
+      mesh.Indices[write++] = mesh.Indices[3 * i + k];
+  }
+  mesh.Indices.resize(write);
+}
+
+std::string Names(const std::vector<std::string>& list)
+{
+  std::string text;
+  for (std::size_t i = 0; i < list.size() && i < 3; ++i)
+    text += (i > 0 ? ", " : "") + list[i];
+  return list.size() > 3 ? text + " and " + std::to_string(list.size() - 3) + " more" : text;
+}
+
+void MeshFaults::Warn(Scene& scene) const
+{
+  const char* const remedy = "clean the mesh in the program that made it where this is not intended";
+  if (this->Flat.Count > 0)
+    detail::Warn(scene, Names(this->Flat.Meshes),
+      std::to_string(this->Flat.Count) + " triangle(s) without area were dropped", remedy);
+  if (this->Repeated.Count > 0)
+    detail::Warn(scene, Names(this->Repeated.Meshes),
+      std::to_string(this->Repeated.Count) + " triangle(s) at the place of another one were dropped", remedy);
+}
+
+void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where, const Material& material, MeshFaults& faults)
 {
   std::size_t dropped = 0, write = 0;
   for (std::size_t t = 0; t + 2 < mesh.Indices.size(); t += 3)
@@ -361,11 +482,32 @@ void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where)
     Compact(mesh.TexCoords[0], kept);
     Compact(mesh.TexCoords[1], kept);
     Compact(mesh.Colors, kept);
+    Compact(mesh.Joints, kept, std::size_t(mesh.Influences));
+    Compact(mesh.JointWeights, kept, std::size_t(mesh.Influences));
+    for (MorphTarget& target : mesh.Targets)
+      for (std::vector<Vec3f>* list : { &target.Positions, &target.Normals, &target.Tangents })
+        Compact(*list, kept);
   }
   const std::string who = where + (mesh.Name.empty() ? "" : " \"" + mesh.Name + "\"");
   if (dropped > 0)
     Warn(scene, who, std::to_string(dropped) + " triangle(s) with a position that is not finite were dropped",
       "repair the mesh in the program that made it");
+  std::size_t flat = 0, repeated = 0;
+  DropUseless(mesh, material.DoubleSided, flat, repeated);
+  const auto count = [&](MeshFaults::Kind& kind, std::size_t triangles)
+  {
+    kind.Count += triangles;
+    if (triangles > 0)
+      kind.Meshes.push_back(who);
+  };
+  count(faults.Flat, flat);
+  count(faults.Repeated, repeated);
+  if (mesh.Indices.empty() && dropped + flat > 0)
+    Warn(scene, who,
+      "nothing is left of the mesh" + (MaxComponent(material.Emission) > 0
+                                          ? "; material \"" + material.Name + "\" gives no light there"
+                                          : std::string()),
+      "repair it in the program that made it");
   std::size_t replaced = 0;
   FillNormals(mesh, replaced);
   if (replaced > 0)
@@ -382,6 +524,57 @@ void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where)
       }
   if (colors > 0)
     Warn(scene, who, std::to_string(colors) + " vertex colour value(s) negative or not finite became 0", "");
+}
+
+void CheckLights(Scene& scene)
+{
+  constexpr float largestHalf = 65504, largestPower = 1e18f;
+  const auto number = [](float v)
+  {
+    std::ostringstream text;
+    text << v;
+    return text.str();
+  };
+  for (const PunctualLight& light : scene.Lights)
+    if (MaxComponent(light.Intensity) > largestPower)
+      Warn(scene, "light \"" + light.Name + "\"",
+        "the intensity of " + number(MaxComponent(light.Intensity)) +
+          " is beyond what sums in single precision can hold",
+        "lower it and the exposure");
+  const bool any = std::any_of(
+    scene.Materials.begin(), scene.Materials.end(), [](const Material& m) { return MaxComponent(m.Emission) > 0; });
+  if (!any)
+    return;
+  const ScenePose pose = scene.PoseAt(0);
+  const std::vector<char> moves = scene.MovingInstances();
+  std::vector<Vec3f> positions;
+  for (std::size_t i = 0; i < scene.Instances.size(); ++i)
+  {
+    const Instance& instance = scene.Instances[i];
+    const Mesh& mesh = scene.Meshes[std::size_t(instance.Mesh)];
+    const Material& material = scene.Materials[std::size_t(mesh.Material)];
+    if (!(MaxComponent(material.Emission) > 0))
+      continue;
+    if (MaxComponent(material.Emission) > largestHalf)
+      Warn(scene, "material \"" + material.Name + "\"",
+        "the emission of " + number(MaxComponent(material.Emission)) +
+          " is beyond what images of half precision can hold (65504)",
+        "lower it and the exposure");
+    if (moves[i])
+      continue;
+    const Mat4& world = pose.World[std::size_t(instance.Node)];
+    scene.Deform(instance, pose, world.Point(Vec3d()), positions, nullptr, nullptr);
+    bool area = false;
+    for (std::size_t t = 0; t + 2 < mesh.Indices.size() && !area; t += 3)
+    {
+      const Vec3d a(positions[mesh.Indices[t]]), b(positions[mesh.Indices[t + 1]]), c(positions[mesh.Indices[t + 2]]);
+      area = Length(Cross(b - a, c - a)) > 0;
+    }
+    if (!area)
+      Warn(scene, "node \"" + scene.Nodes[std::size_t(instance.Node)].Name + "\"",
+        "the lamp of mesh \"" + mesh.Name + "\" and material \"" + material.Name + "\" has no area and gives no light",
+        "correct the scale of the node");
+  }
 }
 }
 }

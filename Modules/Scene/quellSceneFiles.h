@@ -61,12 +61,41 @@ bool LoadImage(const std::string& file, Texture& texture, std::string& reason);
 /// become 0 and are counted.
 bool LoadSky(const std::string& file, Texture& texture, std::size_t& repaired, std::string& reason);
 
+/// All nodes that a root reaches, parents before children.
+std::vector<int> ParentsFirst(const std::vector<Node>& nodes);
+
+/// Nearest float; beyond the range of float its largest number; 0 for NaN.
+inline float ToFloat(double v) noexcept
+{
+  constexpr double largest = std::numeric_limits<float>::max();
+  return v > largest ? float(largest) : v < -largest ? -float(largest) : v == v ? float(v) : 0.f;
+}
+
 void ReadGltf(Scene& scene, const Bytes& content, ContentHash& hash);
 void ReadObj(Scene& scene, const Bytes& content, ContentHash& hash);
 
-/// Removes triangles that touch a non-finite position and the vertices that nothing uses any more; replaces unusable
-/// normals by those of the surrounding triangles. Warns with the counts.
-void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where);
+/// "a, b, c and 5 more".
+std::string Names(const std::vector<std::string>& list);
+
+/// Faults that many meshes of a file tend to share, for one warning each.
+struct MeshFaults
+{
+  struct Kind
+  {
+    std::size_t Count = 0;
+    std::vector<std::string> Meshes;
+  };
+  Kind Flat, Repeated;
+  void Warn(Scene& scene) const;
+};
+
+/// Makes what is in a mesh safe to render: drops what `Mesh` says is dropped and the vertices that nothing uses any
+/// more; replaces unusable normals by those of the surrounding triangles. Warns with the counts or adds to `faults`.
+/// `material` is what the mesh will have.
+void CleanMesh(Scene& scene, Mesh& mesh, const std::string& where, const Material& material, MeshFaults& faults);
+
+/// Warns of what no image can show properly: emission beyond half precision, lamps whose nodes leave them no area.
+void CheckLights(Scene& scene);
 }
 }
 

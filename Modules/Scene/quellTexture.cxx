@@ -40,18 +40,17 @@ double Reduce(double t, Wrap wrap) noexcept
   }
 }
 
+/// Index of the texel that `i` stands for, -1 <= i <= the largest that Reduce leaves (n; 2 n where mirrored).
 int WrapTexel(int i, int n, Wrap wrap) noexcept
 {
   switch (wrap)
   {
     case Wrap::Repeat:
-      i %= n;
-      return i < 0 ? i + n : i;
+      return i < 0 ? i + n : i >= n ? i - n : i;
     case Wrap::Mirror:
     {
       const int period = 2 * n;
-      i %= period;
-      i = i < 0 ? i + period : i;
+      i = i < 0 ? i + period : i >= period ? i - period : i;
       return i < n ? i : period - 1 - i;
     }
     default:
@@ -59,21 +58,57 @@ int WrapTexel(int i, int n, Wrap wrap) noexcept
   }
 }
 
-Vec4f Texel(const Texture& t, int x, int y) noexcept
+// Values of texels by the way they are stored.
+struct LinearBytes
 {
-  const std::size_t at = (std::size_t(y) * std::size_t(t.Width) + std::size_t(x)) * 4;
-  if (!t.Floats.empty())
+  const std::uint8_t* Data;
+  Vec4f operator()(std::size_t at) const noexcept
   {
-    const float* p = t.Floats.data() + at;
-    return t.SRGB ? Vec4f{ LinearFromSRGB(p[0]), LinearFromSRGB(p[1]), LinearFromSRGB(p[2]), p[3] }
-                  : Vec4f{ p[0], p[1], p[2], p[3] };
-  }
-  const std::uint8_t* p = t.Bytes.data() + at;
-  constexpr float s = 1.f / 255.f;
-  if (!t.SRGB)
+    constexpr float s = 1.f / 255.f;
+    const std::uint8_t* p = this->Data + at;
     return { p[0] * s, p[1] * s, p[2] * s, p[3] * s };
-  static const std::array<float, 256>& table = SRGBTable();
-  return { table[p[0]], table[p[1]], table[p[2]], p[3] * s };
+  }
+};
+struct SRGBBytes
+{
+  const std::uint8_t* Data;
+  const float* Table;
+  Vec4f operator()(std::size_t at) const noexcept
+  {
+    const std::uint8_t* p = this->Data + at;
+    return { this->Table[p[0]], this->Table[p[1]], this->Table[p[2]], p[3] * (1.f / 255.f) };
+  }
+};
+struct AnyFloats
+{
+  const float* Data;
+  bool SRGB;
+  Vec4f operator()(std::size_t at) const noexcept
+  {
+    const float* p = this->Data + at;
+    return this->SRGB ? Vec4f{ LinearFromSRGB(p[0]), LinearFromSRGB(p[1]), LinearFromSRGB(p[2]), p[3] }
+                      : Vec4f{ p[0], p[1], p[2], p[3] };
+  }
+};
+
+/// `x`, `y`: in texels, reduced. Colours are decoded before they are mixed.
+template <class Texels>
+Vec4f Look(const Texture& t, double x, double y, const Texels& texels) noexcept
+{
+  const auto at = [&t](int column, int row)
+  { return (std::size_t(row) * std::size_t(t.Width) + std::size_t(column)) * 4; };
+  if (t.Nearest)
+    return texels(
+      at(WrapTexel(int(std::floor(x)), t.Width, t.WrapS), WrapTexel(int(std::floor(y)), t.Height, t.WrapT)));
+  // Texel centres lie at half-integers.
+  const double xf = std::floor(x - 0.5), yf = std::floor(y - 0.5);
+  const float fx = float(x - 0.5 - xf), fy = float(y - 0.5 - yf);
+  const int x0 = WrapTexel(int(xf), t.Width, t.WrapS), x1 = WrapTexel(int(xf) + 1, t.Width, t.WrapS);
+  const int y0 = WrapTexel(int(yf), t.Height, t.WrapT), y1 = WrapTexel(int(yf) + 1, t.Height, t.WrapT);
+  const Vec4f a = texels(at(x0, y0)), b = texels(at(x1, y0)), c = texels(at(x0, y1)), d = texels(at(x1, y1));
+  const float wa = (1 - fx) * (1 - fy), wb = fx * (1 - fy), wc = (1 - fx) * fy, wd = fx * fy;
+  return { wa * a.x + wb * b.x + wc * c.x + wd * d.x, wa * a.y + wb * b.y + wc * c.y + wd * d.y,
+    wa * a.z + wb * b.z + wc * c.z + wd * d.z, wa * a.w + wb * b.w + wc * c.w + wd * d.w };
 }
 }
 
@@ -83,17 +118,24 @@ Vec4f Texture::Sample(float u, float v) const noexcept
     return {};
   const double x = (std::isfinite(u) ? Reduce(u, this->WrapS) : 0.) * this->Width;
   const double y = (std::isfinite(v) ? Reduce(v, this->WrapT) : 0.) * this->Height;
-  if (this->Nearest)
-    return Texel(*this, WrapTexel(int(std::floor(x)), this->Width, this->WrapS),
-      WrapTexel(int(std::floor(y)), this->Height, this->WrapT));
-  // Texel centres lie at half-integers.
-  const double xf = std::floor(x - 0.5), yf = std::floor(y - 0.5);
-  const float fx = float(x - 0.5 - xf), fy = float(y - 0.5 - yf);
-  const int x0 = WrapTexel(int(xf), this->Width, this->WrapS), x1 = WrapTexel(int(xf) + 1, this->Width, this->WrapS);
-  const int y0 = WrapTexel(int(yf), this->Height, this->WrapT), y1 = WrapTexel(int(yf) + 1, this->Height, this->WrapT);
-  const Vec4f a = Texel(*this, x0, y0), b = Texel(*this, x1, y0), c = Texel(*this, x0, y1), d = Texel(*this, x1, y1);
-  const float wa = (1 - fx) * (1 - fy), wb = fx * (1 - fy), wc = (1 - fx) * fy, wd = fx * fy;
-  return { wa * a.x + wb * b.x + wc * c.x + wd * d.x, wa * a.y + wb * b.y + wc * c.y + wd * d.y,
-    wa * a.z + wb * b.z + wc * c.z + wd * d.z, wa * a.w + wb * b.w + wc * c.w + wd * d.w };
+  if (!this->Floats.empty())
+    return Look(*this, x, y, AnyFloats{ this->Floats.data(), this->SRGB });
+  if (!this->SRGB)
+    return Look(*this, x, y, LinearBytes{ this->Bytes.data() });
+  static const float* const table = SRGBTable().data();
+  return Look(*this, x, y, SRGBBytes{ this->Bytes.data(), table });
+}
+
+void Texture::Prefetch(float u, float v) const noexcept
+{
+  if (this->Bytes.empty() || this->Width < 1 || this->Height < 1 || !std::isfinite(u) || !std::isfinite(v))
+    return;
+  const double x = Reduce(u, this->WrapS) * this->Width, y = Reduce(v, this->WrapT) * this->Height;
+  const int column = WrapTexel(int(x), this->Width, this->WrapS);
+  const int row = int(y - 0.5);
+  for (int i : { row, row + 1 })
+    __builtin_prefetch(
+      this->Bytes.data() +
+      (std::size_t(WrapTexel(i, this->Height, this->WrapT)) * std::size_t(this->Width) + std::size_t(column)) * 4);
 }
 }

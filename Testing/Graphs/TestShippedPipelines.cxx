@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the design promises, asked of the real thing: shipped pipelines with the path tracer and every filter in place.
+#include "quellImageFile.h"
 #include "quellPipelineExecutor.h"
 #include "quellRegisterColor.h"
 #include "quellRegisterDenoising.h"
@@ -14,6 +15,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <gtest/gtest.h>
 
 namespace
@@ -192,4 +194,33 @@ TEST(ShippedPipelines, LayersAddUpToTheBeauty)
   ASSERT_FALSE(sum.empty());
   for (size_t k = 0; k < sum.size(); ++k)
     ASSERT_NEAR(sum[k], e[k] + d[k] + i[k], 4e-6 * (1 + std::fabs(sum[k]))) << k;
+}
+
+TEST(ShippedPipelines, EveryArrayComesBackFromItsFileUnderItsName)
+{
+  const std::string directory = testing::TempDir() + "/quell-aov";
+  std::filesystem::remove_all(directory);
+  quell::GraphOptions options;
+  options.Defines = { { "width", "24" }, { "height", "18" }, { "spp", "4" } };
+  options.OutputDirectory = directory;
+  quell::Diagnostics diagnostics;
+  auto graph = quell::LoadPipeline(QUELL_SOURCE_DIR "/Data/Pipelines/aov.xml", Registry(), options, diagnostics);
+  ASSERT_TRUE(graph) << diagnostics.ToText();
+  quell::PipelineExecutor executor(graph, Registry());
+  const quell::TickResult result = executor.RunTick(0);
+  ASSERT_TRUE(result.Ok) << result.Error;
+  vtkImageData* made = executor.GetImage("pt");
+  const auto read = quell::ReadImageFile(directory + "/out/aov.0000.exr");
+  ASSERT_GE(made->GetPointData()->GetNumberOfArrays(), 30);
+  for (int i = 0; i < made->GetPointData()->GetNumberOfArrays(); ++i)
+  {
+    const std::string name = made->GetPointData()->GetArrayName(i);
+    auto a = vtkFloatArray::SafeDownCast(made->GetPointData()->GetArray(i));
+    auto b = vtkFloatArray::SafeDownCast(read->GetPointData()->GetArray(name.c_str()));
+    ASSERT_TRUE(b) << name;
+    ASSERT_EQ(a->GetNumberOfValues(), b->GetNumberOfValues()) << name;
+    EXPECT_EQ(0, std::memcmp(a->GetPointer(0), b->GetPointer(0), std::size_t(a->GetNumberOfValues()) * sizeof(float)))
+      << name;
+  }
+  std::filesystem::remove_all(directory);
 }

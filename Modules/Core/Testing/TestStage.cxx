@@ -252,6 +252,27 @@ TEST(Stage, CancelIsAFailureThatCanBeRepeated)
   EXPECT_FALSE(std::isnan(At(box, "radiance", 0, 0)));
 }
 
+TEST(Stage, FinishIsNoCancel)
+{
+  vtkNew<vtkQuellTestSource> source;
+  vtkNew<vtkQuellTestBox> box;
+  box->ConnectInput("radiance", source);
+  auto token = std::make_shared<quell::CancelToken>();
+  box->SetCancelToken(token);
+  token->Finish();
+  EXPECT_TRUE(token->IsFinishing());
+  EXPECT_FALSE(token->IsCancelled());
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(box, { "radiance" });
+  EXPECT_TRUE(sink->UpdateTick(0)) << "stages that do not sample complete the frame";
+  EXPECT_FALSE(std::isnan(At(box, "radiance", 0, 0)));
+  token->Cancel();
+  token->ResetCancel();
+  EXPECT_TRUE(token->IsFinishing()) << "a failure takes the user's wish not back";
+  token->Reset();
+  EXPECT_FALSE(token->IsFinishing());
+}
+
 TEST(Stage, SameBitsForAnyNumberOfThreads)
 {
   std::vector<float> first;

@@ -308,6 +308,10 @@ TEST_F(Checkpoints, FactsOfTheFrameComeBack)
   facts.Origin = { 1e6, -2, 1. / 3 };
   facts.Seed = -5;
   facts.Scene = "abc";
+  facts.Partial = "3 of 8 samples";
+  c.WorkTick = 1;
+  c.Work["pt"] = std::string("sums\0and more", 13);
+  c.Work["other"] = std::string();
   vtkImageData* image = c.Frame.begin()->second;
   facts.Write(image->GetFieldData());
   const std::string file = (this->Folder / "c").string();
@@ -320,6 +324,42 @@ TEST_F(Checkpoints, FactsOfTheFrameComeBack)
   EXPECT_EQ(back.Origin, facts.Origin);
   EXPECT_EQ(back.Seed, -5);
   EXPECT_EQ(back.Scene, "abc");
+  EXPECT_EQ(back.Partial, "3 of 8 samples");
+  EXPECT_EQ(read.WorkTick, 1);
+  EXPECT_EQ(read.Work, c.Work);
+}
+
+TEST_F(Checkpoints, APartialFrameIsWrittenAndLeavesTheHistory)
+{
+  PipelineExecutor executor(Load(Temporal), pipelinetest::Registry());
+  TheLog() = pipelinetest::Log();
+  const TickResult whole = executor.RunTick(0);
+  ASSERT_TRUE(whole.Ok);
+  EXPECT_EQ(whole.Partial, "");
+  EXPECT_TRUE(executor.SaveWork().empty());
+  TheLog().PartialAtTick = 1;
+  const TickResult partial = executor.RunTick(1);
+  ASSERT_TRUE(partial.Ok) << partial.Error;
+  EXPECT_EQ(partial.Partial, "3 of 8 samples");
+  EXPECT_FALSE(partial.Files.empty());
+  EXPECT_NE(executor.GetHistory().FindFrame(0), nullptr);
+  EXPECT_EQ(executor.GetHistory().FindFrame(1), nullptr);
+  // what is made of it says so, whichever port it came in by
+  EXPECT_EQ(FrameFacts::Read(executor.GetImage("mix")->GetFieldData()).Partial, "3 of 8 samples");
+
+  const PipelineExecutor::Work work = executor.SaveWork();
+  ASSERT_EQ(work.size(), 1u);
+  EXPECT_EQ(work.at("pt"), "sums of seed 1");
+  PipelineExecutor other(Load(Temporal), pipelinetest::Registry());
+  std::string error;
+  EXPECT_TRUE(other.LoadWork(work, error)) << error;
+  EXPECT_EQ(TheLog().Work["1"], "sums of seed 1");
+  EXPECT_FALSE(other.LoadWork({ { "pt", "rubbish" } }, error));
+  EXPECT_EQ(error, "node \"pt\": these are no sums");
+  EXPECT_FALSE(other.LoadWork({ { "nobody", "sums" } }, error));
+  EXPECT_EQ(error, "no live node \"nobody\"");
+  EXPECT_FALSE(other.LoadWork({ { "mix", "sums" } }, error));
+  TheLog() = pipelinetest::Log();
 }
 
 TEST_F(Checkpoints, TheDifferenceIsNamed)

@@ -2,10 +2,14 @@
 // Scenes whose radiance is known in closed form.
 #include "SceneBuilder.h"
 #include "quellIntegrator.h"
+#include "quellSimd.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
+#include <map>
+#include <memory>
 
 using namespace quell;
 
@@ -27,18 +31,19 @@ Estimate Render(const SceneBuilder& b, int bounces, int samples,
   i.Scene = &scene;
   const CameraModel& c = b.Scene->Cameras.front();
   i.View = i.PreviousView = Camera(c, c.WorldFromCamera, scene.Origin(), 1, 1);
-  i.Wants.Emission = i.Wants.Direct = i.Wants.Indirect = true;
   i.MaximumBounces = bounces;
   i.RouletteStart = roulette;
   i.Sampling = strategy;
   i.Seed = seed;
   i.SamplesPerPixel = samples;
   i.PixelJitter = Integrator::Jitter::None;
-  PixelResult r;
+  Film film({ 0, 0, 1, 1 }, { "moments" });
   Estimate e;
-  i.Pixel(0, 0, r, e.Counters);
-  e.Mean = r.MeanLuminance;
-  e.Error = std::sqrt(r.SquareLuminance / (samples - 1.) / samples);
+  i.Render(film, film.Region(), 0, samples, e.Counters);
+  float moments[2];
+  film.Develop("moments", film.Region(), samples, ImageOut(moments, 2, film.Region()));
+  e.Mean = double(moments[0]);
+  e.Error = std::sqrt(double(moments[1]) / (samples - 1.));
   return e;
 }
 
@@ -245,5 +250,356 @@ TEST(Integrator, AlphaLetsLightThrough)
   {
     const Estimate e = Render(b, 1, 16384, s);
     EXPECT_NEAR(e.Mean, .75 * .119728235, 4 * e.Error + 1e-5);
+  }
+}
+
+namespace
+{
+/// A room with a lamp, a block, a ball with interpolated normals, a map of bumps and colours, coloured vertices, and a
+/// sign that is unlit. Diffuse unless `glossy`; `layered`: some glass, a coat and a half-transparent sheet as well.
+SceneBuilder Room(bool glossy, bool layered = false, bool sky = false)
+{
+  SceneBuilder b;
+  Texture colours, bumps;
+  colours.Width = colours.Height = bumps.Width = bumps.Height = 8;
+  colours.SRGB = true;
+  for (int i = 0; i < 64; ++i)
+  {
+    const auto c = std::uint8_t(60 + 3 * i);
+    for (std::uint8_t v : { c, std::uint8_t(255 - c), std::uint8_t(200), std::uint8_t(255) })
+      colours.Bytes.push_back(v);
+    for (int v : { 100 + 7 * (i % 8), 150 - 5 * (i / 8), 230, 255 })
+      bumps.Bytes.push_back(std::uint8_t(v));
+  }
+  b.Scene->Textures = { colours, bumps };
+  const auto material = [&](float grey)
+  {
+    Material m = SceneBuilder::Lambert(grey);
+    if (glossy)
+    {
+      m.Specular = 1;
+      m.Roughness = .4f;
+    }
+    return m;
+  };
+  const int wall = b.Add(material(.7f)), ball = b.Add(material(.5f));
+  Material mapped = material(.8f);
+  mapped.BaseColorTexture.Texture = 0;
+  mapped.NormalTexture.Texture = 1;
+  mapped.NormalScale = 2;
+  if (glossy)
+    mapped.Metallic = .6f;
+  const int bumpy = b.Add(mapped), lamp = b.Add(SceneBuilder::Lambert(0, 6));
+  Material sign = SceneBuilder::Lambert(.3f);
+  sign.Unlit = true;
+  b.Quad(b.Add(sign), { -.9f, 1.2f, -.95f }, { .4f, 0, 0 }, { 0, .4f, 0 });
+  b.Quad(bumpy, { -1, 0, 1 }, { 2, 0, 0 }, { 0, 0, -2 });
+  b.Scene->Meshes.back().TexCoords[0] = { { 0, 0 }, { 3, 0 }, { 3, 3 }, { 0, 3 } };
+  b.Quad(wall, { -1, 0, -1 }, { 2, 0, 0 }, { 0, 2, 0 });
+  b.Quad(wall, { -1, 0, 1 }, { 0, 0, -2 }, { 0, 2, 0 });
+  b.Scene->Meshes.back().Colors = { { 1, .2f, .2f, 1 }, { 1, .4f, .2f, 1 }, { .5f, .2f, .2f, 1 }, { 1, .2f, .9f, 1 } };
+  if (!sky)
+    b.Quad(wall, { -1, 2, -1 }, { 2, 0, 0 }, { 0, 0, 2 });
+  b.Sphere(ball, { .3f, .5f, 0 }, .4f, 8);
+  b.Box(wall, { -.7f, 0, -.5f }, { -.2f, .7f, 0 });
+  b.Quad(lamp, { -.3f, 1.9f, -.3f }, { .6f, 0, 0 }, { 0, 0, .6f });
+  if (sky)
+    b.Sky(.5f);
+  if (glossy)
+    b.Quad(b.Add(SceneBuilder::Metal(.9f, 0)), { .9f, .1f, .9f }, { 0, 0, -1.8f }, { 0, 1, 0 });
+  if (layered)
+  {
+    Material glass = material(.9f);
+    glass.Transmission = 1;
+    glass.Volume = true;
+    glass.Roughness = .1f;
+    glass.AttenuationColor = { .3f, .8f, .5f };
+    glass.AttenuationDistance = .5f;
+    b.Sphere(b.Add(glass), { -.3f, .3f, .5f }, .25f, 8);
+    Material sheet = material(.5f);
+    sheet.Mode = AlphaMode::Blend;
+    sheet.Alpha = .5f;
+    sheet.Clearcoat = 1;
+    b.Quad(b.Add(sheet), { .2f, 0, .7f }, { .6f, 0, 0 }, { 0, .8f, 0 });
+  }
+  b.Camera({ 0, 1, 3.2 }, .8);
+  return b;
+}
+
+const std::set<std::string> Everything{ "radiance", "emission", "direct", "indirect", "directDiffuse", "directSpecular",
+  "indirectDiffuse", "indirectSpecular", "bounce1", "bounce2", "bounce3", "bounce4", "halfA", "halfB", "variance",
+  "albedo", "albedoDiffuse", "albedoSpecular", "normal", "roughness", "varianceAlbedo", "varianceNormal", "depth",
+  "position", "normalGeometric", "motion", "id", "material", "alpha", "hitDistance" };
+
+struct Picture
+{
+  std::map<std::string, std::vector<float>> Arrays;
+  TraceCounters Counters;
+};
+int Components(const std::string& array)
+{
+  for (const char* one :
+    { "variance", "roughness", "varianceAlbedo", "varianceNormal", "depth", "id", "material", "alpha", "hitDistance" })
+    if (array == one)
+      return 1;
+  return array == "motion" ? 2 : 3;
+}
+
+struct Shot
+{
+  std::shared_ptr<EmbreeScene> Scene;
+  Integrator Tracer;
+  int Width = 37, Height = 23, Samples = 5;
+  std::set<std::string> Wanted = Everything;
+};
+Shot Prepared(const SceneBuilder& b)
+{
+  Shot s;
+  s.Scene = std::make_shared<EmbreeScene>(b.Scene);
+  s.Scene->SetTime(0, 0);
+  s.Tracer.Scene = s.Scene.get();
+  const CameraModel& c = b.Scene->Cameras.front();
+  s.Tracer.View = s.Tracer.PreviousView = Camera(c, c.WorldFromCamera, s.Scene->Origin(), s.Width, s.Height);
+  s.Tracer.MaximumBounces = 5;
+  s.Tracer.RouletteStart = 2;
+  s.Tracer.SamplesPerPixel = s.Samples;
+  s.Tracer.Seed = 7;
+  return s;
+}
+/// Traces in parts of the frame of `tile` x `tile` pixels, in passes of so many samples.
+Picture Traced(const Shot& s, int tile = 64, std::vector<int> passes = {})
+{
+  if (passes.empty())
+    passes = { s.Samples };
+  Picture p;
+  const Rect whole{ 0, 0, s.Width, s.Height };
+  Film film(whole, s.Wanted);
+  int first = 0;
+  for (int count : passes)
+  {
+    for (int y = 0; y < s.Height; y += tile)
+      for (int x = 0; x < s.Width; x += tile)
+        s.Tracer.Render(
+          film, { x, y, std::min(x + tile, s.Width), std::min(y + tile, s.Height) }, first, count, p.Counters);
+    first += count;
+  }
+  for (const std::string& a : s.Wanted)
+  {
+    std::vector<float>& v = p.Arrays[a];
+    v.resize(std::size_t(whole.area()) * std::size_t(Components(a)));
+    film.Develop(a, whole, s.Samples, ImageOut(v.data(), Components(a), whole), s.Tracer.GuideSamples);
+  }
+  return p;
+}
+void ExpectSameBits(const Picture& a, const Picture& b, const std::string& what)
+{
+  for (const auto& entry : a.Arrays)
+  {
+    const std::vector<float>& other = b.Arrays.at(entry.first);
+    ASSERT_EQ(entry.second.size(), other.size());
+    std::size_t different = 0;
+    for (std::size_t i = 0; i < other.size(); ++i)
+      different += std::memcmp(&entry.second[i], &other[i], sizeof(float)) != 0;
+    EXPECT_EQ(different, 0u) << what << ": " << entry.first << " of " << other.size();
+  }
+  EXPECT_EQ(a.Counters.Rays, b.Counters.Rays) << what;
+}
+}
+
+TEST(Integrator, ChoosesTheLeanestVariant)
+{
+  using Variant = Integrator::Variant;
+  EXPECT_EQ(Prepared(Room(false)).Tracer.Chosen(), Variant::Diffuse);
+  EXPECT_EQ(Prepared(Room(true)).Tracer.Chosen(), Variant::Opaque);
+  EXPECT_EQ(Prepared(Room(true, true)).Tracer.Chosen(), Variant::General);
+  // a coat on what is Lambert's otherwise, or alpha
+  SceneBuilder b = Room(false);
+  b.Scene->Materials[0].Clearcoat = .5f;
+  EXPECT_EQ(Prepared(b).Tracer.Chosen(), Variant::General);
+  b = Room(false);
+  b.Scene->Materials[0].Mode = AlphaMode::Mask;
+  EXPECT_EQ(Prepared(b).Tracer.Chosen(), Variant::General);
+  const auto says = [](const Shot& s, const Film& film)
+  {
+    std::string all;
+    for (const std::string& line : s.Tracer.ExplainVariant(film))
+      all += line + "\n";
+    return all;
+  };
+  const Film film({ 0, 0, 1, 1 }, { "radiance" }), primary({ 0, 0, 1, 1 }, { "depth" });
+  EXPECT_NE(says(Prepared(Room(false)), film).find("diffuse"), std::string::npos);
+  EXPECT_NE(says(Prepared(b), film).find("see-through"), std::string::npos);
+  EXPECT_NE(says(Prepared(b), primary).find("primary"), std::string::npos);
+}
+
+TEST(Integrator, VariantsAgreeBitForBit)
+{
+  for (bool sky : { false, true })
+    for (auto strategy : { Integrator::Strategy::Mis, Integrator::Strategy::LightOnly, Integrator::Strategy::BsdfOnly })
+    {
+      Shot s = Prepared(Room(false, false, sky));
+      s.Tracer.Sampling = strategy;
+      const Picture lean = Traced(s);
+      s.Tracer.Force = Integrator::Variant::Opaque;
+      const Picture middle = Traced(s);
+      s.Tracer.Force = Integrator::Variant::General;
+      ExpectSameBits(lean, middle, "diffuse and opaque");
+      ExpectSameBits(lean, Traced(s), "diffuse and general");
+    }
+  Shot s = Prepared(Room(true));
+  const Picture lean = Traced(s);
+  s.Tracer.Force = Integrator::Variant::General;
+  ExpectSameBits(lean, Traced(s), "opaque and general");
+}
+
+TEST(Integrator, EveryInstructionSetMakesTheSameBits)
+{
+  for (bool glossy : { false, true })
+  {
+    const Shot s = Prepared(Room(glossy));
+    const Picture best = Traced(s);
+    for (const SimdTarget& target : SimdTargets())
+    {
+      ForceSimdTarget(target.Id);
+      ExpectSameBits(best, Traced(s), target.Name);
+    }
+    ForceSimdTarget(0);
+  }
+}
+
+TEST(Integrator, TilesAndPassesMakeTheSameBits)
+{
+  for (int kind = 0; kind < 3; ++kind)
+  {
+    Shot s = Prepared(Room(kind > 0, kind > 1));
+    const Picture whole = Traced(s);
+    ExpectSameBits(whole, Traced(s, 7), "tiles of 7");
+    ExpectSameBits(whole, Traced(s, 1), "single pixels");
+    ExpectSameBits(whole, Traced(s, 16, { 1, 3, 1 }), "three passes");
+    s.Tracer.GuideSamples = 9;
+    ExpectSameBits(Traced(s), Traced(s, 5, { 2, 1, 2 }), "guide samples");
+  }
+}
+
+TEST(Integrator, PatternsKeepTheirBits)
+{
+  Shot s = Prepared(Room(false));
+  const Picture sobol = Traced(s);
+  for (SamplePattern pattern : { SamplePattern::BlueNoise, SamplePattern::Random })
+  {
+    s.Tracer.Pattern = pattern;
+    const Picture whole = Traced(s);
+    EXPECT_NE(whole.Arrays.at("radiance"), sobol.Arrays.at("radiance"));
+    ExpectSameBits(whole, Traced(s, 7, { 2, 3 }), "tiles of 7, two passes");
+    s.Tracer.Force = Integrator::Variant::General;
+    ExpectSameBits(whole, Traced(s), "general");
+    s.Tracer.Force = Integrator::Variant::Auto;
+  }
+}
+
+TEST(Integrator, LessDemandMakesTheSameBits)
+{
+  for (int kind = 0; kind < 3; ++kind)
+  {
+    Shot s = Prepared(Room(kind > 0, kind > 1));
+    const Picture all = Traced(s);
+    for (const char* one : { "radiance", "direct", "emission", "bounce2", "albedo", "normal", "depth", "hitDistance" })
+    {
+      s.Wanted = { one };
+      const Picture p = Traced(s);
+      EXPECT_EQ(std::memcmp(p.Arrays.at(one).data(), all.Arrays.at(one).data(), p.Arrays.at(one).size() * 4), 0) << one;
+      EXPECT_LE(p.Counters.Rays, all.Counters.Rays);
+    }
+    // primary hits trace no bounce
+    s.Wanted = { "depth", "motion", "id" };
+    EXPECT_EQ(Traced(s).Counters.Rays, std::int64_t(s.Width) * s.Height * s.Samples);
+  }
+}
+
+TEST(Integrator, LayersSumUp)
+{
+  for (int kind = 0; kind < 3; ++kind)
+  {
+    Shot s = Prepared(Room(kind > 0, kind > 1));
+    for (const char* n : { "bounce5" })
+      s.Wanted.insert(n);
+    Picture p = Traced(s);
+    auto& a = p.Arrays;
+    double bounced = 0, specular = 0;
+    for (std::size_t i = 0; i < a["radiance"].size(); ++i)
+    {
+      const auto at = [&](const char* name) { return double(a[name][i]); };
+      const double slack = 1e-5 * (1 + at("radiance"));
+      EXPECT_NEAR(at("emission") + at("direct") + at("indirect"), at("radiance"), slack);
+      EXPECT_NEAR(at("directDiffuse") + at("directSpecular"), at("direct"), slack);
+      EXPECT_NEAR(at("indirectDiffuse") + at("indirectSpecular"), at("indirect"), slack);
+      EXPECT_NEAR(at("bounce1"), at("direct"), slack);
+      EXPECT_NEAR(at("bounce2") + at("bounce3") + at("bounce4") + at("bounce5"), at("indirect"), slack);
+      EXPECT_NEAR((3 * at("halfA") + 2 * at("halfB")) / 5, at("radiance"), slack);
+      bounced += at("bounce3");
+      specular += at("directSpecular");
+    }
+    EXPECT_GT(bounced, 0);
+    EXPECT_EQ(specular > 0, kind > 0);
+  }
+}
+
+TEST(Integrator, GuideSamplesCleanTheGuides)
+{
+  Shot s = Prepared(Room(true, true));
+  s.Samples = s.Tracer.SamplesPerPixel = 1;
+  s.Wanted = { "albedo", "normal", "varianceAlbedo", "radiance", "depth" };
+  const Picture one = Traced(s);
+  s.Tracer.GuideSamples = 64;
+  const Picture many = Traced(s);
+  // light and primary hits are what they were
+  EXPECT_EQ(one.Arrays.at("radiance"), many.Arrays.at("radiance"));
+  EXPECT_EQ(one.Arrays.at("depth"), many.Arrays.at("depth"));
+  Shot other = s;
+  other.Tracer.Seed = 8;
+  const Picture again = Traced(other);
+  Shot noisy = s;
+  noisy.Tracer.GuideSamples = 0;
+  noisy.Tracer.Seed = 8;
+  const Picture oneAgain = Traced(noisy);
+  double single = 0, several = 0, predicted = 0;
+  const auto& a = many.Arrays.at("albedo");
+  for (std::size_t i = 0; i < a.size(); ++i)
+  {
+    const double d = double(a[i]) - double(again.Arrays.at("albedo")[i]);
+    several += d * d;
+    const double e = double(one.Arrays.at("albedo")[i]) - double(oneAgain.Arrays.at("albedo")[i]);
+    single += e * e;
+  }
+  for (float v : many.Arrays.at("varianceAlbedo"))
+    predicted += 2 * 3 * double(v);
+  EXPECT_LT(several, single / 20);
+  EXPECT_GT(several, 0);
+  // the variance that the film keeps is that of the means (Sobol points do better than random ones)
+  EXPECT_LT(several, 2 * predicted);
+  EXPECT_GT(several, predicted / 50);
+}
+
+TEST(Integrator, RandomNumbersOfWavefrontsAreThoseOfTheSampler)
+{
+  auto w = std::make_unique<Wavefront>();
+  w->Count = 100;
+  const std::uint64_t seed = 0xfedcba9876543210ull;
+  for (int i = 0; i < w->Count; ++i)
+  {
+    const std::uint64_t key = PixelSampler::SeedKey(seed) ^ (std::uint64_t(3 * i) << 20 ^ std::uint64_t(i));
+    w->Live.KeyLo[i] = std::uint32_t(key);
+    w->Live.KeyHi[i] = std::uint32_t(key >> 32);
+    w->Live.Reversed[i] = sampling::ReverseBits(std::uint32_t(i * 77));
+  }
+  for (std::uint32_t pair : { 0u, 1u, 3u, 22u, 1000u })
+  {
+    lanes::DrawRandom(*w, pair, 1);
+    for (int i = 0; i < w->Count; ++i)
+    {
+      const Vec2f u = PixelSampler(seed, i, 3 * i, std::uint32_t(i * 77)).Pair(pair);
+      EXPECT_EQ(w->Random[2][i], u.x);
+      EXPECT_EQ(w->Random[3][i], u.y);
+    }
   }
 }

@@ -65,10 +65,17 @@ TEST(Gltf, SparseAccessorReplacesValues)
   EXPECT_EQ(scene->Meshes[0].Positions[1], Vec3f(1, 0, 0));
   EXPECT_EQ(scene->Meshes[0].Positions[2], Vec3f(7, 8, 9));
 
-  g.Doc["accessors"][0].erase("bufferView"); // zeros below
-  const auto zeros = LoadOnce(g.WriteGltf());
+  Gltf empty; // zeros below
+  const std::vector<std::uint16_t> two{ 0, 2 };
+  const std::vector<float> corners{ 7, 8, 9, 1, 0, 0 };
+  const int from = empty.View(two.data(), 4), to = empty.View(corners.data(), 24);
+  empty.Doc["accessors"][0].erase("bufferView");
+  empty.Doc["accessors"][0]["sparse"] = { { "count", 2 },
+    { "indices", { { "bufferView", from }, { "componentType", 5123 } } }, { "values", { { "bufferView", to } } } };
+  const auto zeros = LoadOnce(empty.WriteGltf());
+  EXPECT_EQ(zeros->Meshes[0].Positions[0], Vec3f(7, 8, 9));
   EXPECT_EQ(zeros->Meshes[0].Positions[1], Vec3f(0, 0, 0));
-  EXPECT_EQ(zeros->Meshes[0].Positions[2], Vec3f(7, 8, 9));
+  EXPECT_EQ(zeros->Meshes[0].Positions[2], Vec3f(1, 0, 0));
 
   Gltf bad;
   const std::vector<std::uint16_t> beyond{ 3 };
@@ -152,6 +159,107 @@ TEST(Gltf, MaterialAndExtensions)
   EXPECT_FLOAT_EQ(m.AttenuationDistance, 2);
 }
 
+TEST(Gltf, TexturesOfTheExtensions)
+{
+  Gltf g;
+  const std::vector<std::uint8_t> png = SmallPng();
+  g.Doc["images"] = { { { "bufferView", g.View(png.data(), png.size()) }, { "mimeType", "image/png" } } };
+  g.Doc["samplers"] = { { { "minFilter", 9729 } }, { { "minFilter", 9985 } }, Json::object() };
+  g.Doc["textures"] = Json::array();
+  for (int i = 0; i < 8; ++i)
+    g.Doc["textures"].push_back({ { "source", 0 }, { "sampler", i % 3 } });
+  const auto use = [](int i) { return Json{ { "index", i } }; };
+  Json coatNormal = use(5);
+  coatNormal["scale"] = 0.25;
+  coatNormal["texCoord"] = 1;
+  g.Doc["materials"] = { { { "name", "car" }, { "occlusionTexture", use(7) },
+    { "extensions",
+      { { "KHR_materials_specular", { { "specularTexture", use(0) }, { "specularColorTexture", use(0) } } },
+        { "KHR_materials_volume", { { "thicknessFactor", 0.5 }, { "thicknessTexture", use(2) } } },
+        { "KHR_materials_transmission", { { "transmissionTexture", use(6) } } },
+        { "KHR_materials_clearcoat",
+          { { "clearcoatFactor", 0.75 }, { "clearcoatRoughnessFactor", 0.125 }, { "clearcoatTexture", use(3) },
+            { "clearcoatRoughnessTexture", use(4) }, { "clearcoatNormalTexture", coatNormal } } } } } } };
+  g.Doc["extensionsRequired"] = { "KHR_materials_clearcoat" };
+  g.Primitive()["material"] = 0;
+  const auto scene = LoadOnce(g.WriteGltf());
+  EXPECT_TRUE(scene->Warnings.empty());
+  const Material& m = scene->Materials[0];
+  EXPECT_FLOAT_EQ(m.Clearcoat, 0.75f);
+  EXPECT_FLOAT_EQ(m.ClearcoatRoughness, 0.125f);
+  EXPECT_FLOAT_EQ(m.ClearcoatNormalScale, 0.25f);
+  EXPECT_EQ(m.ClearcoatNormalTexture.TexCoord, 1);
+  EXPECT_FLOAT_EQ(m.Thickness, 0.5f);
+  EXPECT_TRUE(m.Volume);
+  EXPECT_EQ(m.SpecularTexture.Texture, m.SpecularColorTexture.Texture) << "one image, decoded once";
+  EXPECT_EQ(scene->Textures.size(), 6u) << "occlusion is not decoded";
+  const struct
+  {
+    const TextureUse& Use;
+    bool SRGB, MipMap;
+  } expected[] = { { m.SpecularColorTexture, true, false }, { m.ThicknessTexture, false, true },
+    { m.ClearcoatTexture, false, false }, { m.ClearcoatRoughnessTexture, false, true },
+    { m.ClearcoatNormalTexture, false, true }, { m.TransmissionTexture, false, false } };
+  for (const auto& e : expected)
+  {
+    ASSERT_GE(e.Use.Texture, 0);
+    const Texture& t = scene->Textures[std::size_t(e.Use.Texture)];
+    EXPECT_EQ(t.SRGB, e.SRGB);
+    EXPECT_EQ(t.MipMap, e.MipMap);
+    EXPECT_EQ(t.Width, 2);
+  }
+  const Material plain;
+  EXPECT_EQ(plain.Clearcoat, 0);
+  EXPECT_EQ(plain.ClearcoatTexture.Texture, -1);
+
+  Gltf bad = g;
+  bad.Doc.erase("buffers");
+  bad.Doc["materials"][0]["occlusionTexture"]["index"] = 8;
+  const std::string file = bad.WriteGltf();
+  ExpectError(ErrorOf(file), file, "materials[0].occlusionTexture.index", "texture 8 does not exist", "correct");
+}
+
+TEST(Gltf, ClearcoatIsClampedToItsRange)
+{
+  Gltf g;
+  g.Doc["materials"] = { { { "extensions",
+    { { "KHR_materials_clearcoat", { { "clearcoatFactor", 2 }, { "clearcoatRoughnessFactor", -1 } } } } } } };
+  const auto scene = LoadOnce(g.WriteGltf());
+  EXPECT_EQ(scene->Materials[0].Clearcoat, 1);
+  EXPECT_EQ(scene->Materials[0].ClearcoatRoughness, 0);
+  EXPECT_TRUE(HasWarning(*scene, "KHR_materials_clearcoat.clearcoatFactor: the value is outside of its range"));
+  EXPECT_TRUE(HasWarning(*scene, "KHR_materials_clearcoat.clearcoatRoughnessFactor: the value is outside"));
+}
+
+TEST(Gltf, IgnoredExtensionsNameTheirMaterials)
+{
+  Gltf g;
+  g.Doc["extensionsUsed"] = { "KHR_materials_sheen", "KHR_materials_iridescence", "KHR_animation_pointer" };
+  g.Doc["materials"] = Json::array();
+  for (const char* name : { "velvet", "silk", "felt", "moss", "wool" })
+    g.Doc["materials"].push_back({ { "name", name }, { "extensions", { { "KHR_materials_sheen", Json::object() } } } });
+  g.Doc["materials"][1]["extensions"]["KHR_materials_iridescence"] = Json::object();
+  const auto scene = LoadOnce(g.WriteGltf());
+  EXPECT_EQ(scene->Warnings.size(), 3u) << "one each";
+  EXPECT_TRUE(HasWarning(*scene,
+    "materials[0] \"velvet\", materials[1] \"silk\", materials[2] \"felt\" and 2 more: KHR_materials_sheen is not"));
+  EXPECT_TRUE(HasWarning(*scene, "materials[1] \"silk\": KHR_materials_iridescence is not supported"));
+  EXPECT_TRUE(HasWarning(*scene, "KHR_animation_pointer is not supported and ignored"));
+}
+
+TEST(Gltf, AnimationPointersAreLeftOut)
+{
+  Gltf g;
+  g.Animate("pointer", "LINEAR", { 0, 1 }, { 0, 0, 0, 1, 1, 1 }, 3);
+  Json& target = g.Doc["animations"][0]["channels"][0]["target"];
+  target.erase("node");
+  target["extensions"]["KHR_animation_pointer"]["pointer"] = "/materials/0/emissiveFactor";
+  g.Doc["extensionsUsed"] = { "KHR_animation_pointer" };
+  const auto scene = LoadOnce(g.WriteGltf());
+  EXPECT_FALSE(scene->Animated());
+  EXPECT_TRUE(HasWarning(*scene, "KHR_animation_pointer"));
+}
+
 TEST(Gltf, CamerasLightsAndTheDefaultScene)
 {
   Gltf g;
@@ -230,33 +338,68 @@ TEST(Gltf, UnusableNormalsBecomeThoseOfTheFaces)
   EXPECT_EQ(scene->Meshes[0].Normals[2], Vec3f(0, 0, 1));
 }
 
-TEST(Gltf, SkinTakesThePoseOfItsJoints)
+TEST(Gltf, TrianglesWithoutAreaAndRepeatedOnesAreDropped)
 {
   Gltf g;
-  g.Primitive()["attributes"]["JOINTS_0"] =
-    g.Accessor<std::uint8_t>({ 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0 }, 5121, "VEC4", 4);
-  g.Primitive()["attributes"]["WEIGHTS_0"] = g.Floats({ 1, 0, 0, 0, 1, 0, 0, 0, 0.5f, 0.5f, 0, 0 }, "VEC4", 4);
-  g.Doc["skins"] = { { { "joints", { 1, 2 } } } };
-  // The node's own place does not count, the joints' do.
-  g.Doc["nodes"] = { { { "mesh", 0 }, { "skin", 0 }, { "translation", { 100, 0, 0 } } },
-    { { "translation", { 0, 0, 0 } } }, { { "translation", { 0, 0, 4 } } } };
-  g.Doc["scenes"][0]["nodes"] = { 0, 1, 2 };
-  const auto scene = LoadOnce(g.WriteGltf());
-  EXPECT_TRUE(HasWarning(*scene, "skins[0]"));
-  const Mat4 world = scene->WorldMatrices(0)[0];
-  const Vec3d expected[3] = { { 0, 0, 0 }, { 1, 0, 4 }, { 0, 1, 2 } };
-  for (std::size_t i = 0; i < 3; ++i)
-    EXPECT_NEAR(Length(world.Point(Vec3d(scene->Meshes[0].Positions[i])) - expected[i]), 0, 1e-5) << i;
+  g.Doc["meshes"][0]["name"] = "messy";
+  // 3 is where 0 is; 4 lies between 0 and 1.
+  g.Primitive()["attributes"]["POSITION"] = g.Floats({ 0, 0, 0, 1, 0, 0, 0, 1, 0, -0.f, 0, 0, 0.25f, 0, 0 }, "VEC3", 3);
+  g.Primitive()["indices"] = g.Indices({ 0, 1, 2, 1, 2, 3, 0, 0, 1, 0, 4, 1, 0, 3, 2, 2, 1, 0, 4, 1, 2 });
+  g.Primitive()["material"] = 0;
+  for (const bool doubleSided : { false, true })
+  {
+    g.Doc["materials"] = { { { "doubleSided", doubleSided } } };
+    const auto scene = LoadOnce(g.WriteGltf());
+    EXPECT_TRUE(HasWarning(*scene, "\"messy\": 3 triangle(s) without area were dropped"));
+    EXPECT_TRUE(HasWarning(
+      *scene, doubleSided ? "\"messy\": 2 triangle(s) at the place of another" : "\"messy\": 1 triangle(s) at the"));
+    const std::vector<std::uint32_t> left = doubleSided ? std::vector<std::uint32_t>{ 0, 1, 2, 4, 1, 2 }
+                                                        : std::vector<std::uint32_t>{ 0, 1, 2, 2, 1, 0, 4, 1, 2 };
+    EXPECT_EQ(scene->Meshes[0].Indices, left) << "the back of a single-sided surface is another one";
+  }
+  // What deforms may open: only corners that are the same vertex count.
+  g.Doc["meshes"][0]["primitives"][0]["targets"] = { Json::object() };
+  EXPECT_EQ(LoadOnce(g.WriteGltf())->Meshes[0].Indices.size(), 3u * 5);
 }
 
-TEST(Gltf, MorphTargetsTakeTheirDefaultWeights)
+TEST(Gltf, NothingLeftOfALampIsSaid)
 {
   Gltf g;
-  g.Primitive()["targets"] = { { { "POSITION", g.Floats({ 0, 0, 2, 0, 0, 4, 0, 0, 6 }, "VEC3", 3) } } };
-  g.Doc["meshes"][0]["weights"] = { 0.5 };
+  g.Doc["meshes"][0]["name"] = "thread";
+  g.Doc["materials"] = { { { "name", "glow" }, { "emissiveFactor", { 1, 1, 1 } } } };
+  g.Primitive()["material"] = 0;
+  g.Primitive()["indices"] = g.Indices({ 0, 1, 1 });
+  auto scene = LoadOnce(g.WriteGltf());
+  EXPECT_TRUE(HasWarning(*scene, "\"thread\": nothing is left of the mesh; material \"glow\" gives no light there"));
+  EXPECT_TRUE(HasWarning(*scene, "no triangles"));
+  EXPECT_TRUE(scene->Instances.empty());
+
+  g = Gltf();
+  g.Doc["meshes"][0]["name"] = "panel";
+  g.Doc["nodes"][0]["name"] = "shrunk";
+  g.Doc["nodes"][0]["scale"] = { 1, 0, 1 };
+  g.Doc["materials"] = { { { "name", "glow" }, { "emissiveFactor", { 1, 1, 1 } } } };
+  g.Primitive()["material"] = 0;
+  scene = LoadOnce(g.WriteGltf());
+  EXPECT_TRUE(HasWarning(*scene, "node \"shrunk\": the lamp of mesh \"panel\" and material \"glow\" has no area"));
+  g.Doc["nodes"][0]["scale"] = { 1, 1, 0 }; // flat the way it is anyway
+  EXPECT_TRUE(LoadOnce(g.WriteGltf())->Warnings.empty());
+}
+
+TEST(Gltf, EmissionThatNoImageHolds)
+{
+  Gltf g;
+  g.Doc["materials"] = { { { "name", "sun" }, { "emissiveFactor", { 1, 1, 1 } },
+    { "extensions", { { "KHR_materials_emissive_strength", { { "emissiveStrength", 65504 } } } } } } };
+  g.Primitive()["material"] = 0;
+  EXPECT_TRUE(LoadOnce(g.WriteGltf())->Warnings.empty());
+  g.Doc["materials"][0]["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"] = 1e30;
+  g.Doc["extensions"]["KHR_lights_punctual"]["lights"] = { { { "type", "point" }, { "name", "star" },
+    { "intensity", 1e30 } } };
+  g.Doc["nodes"][0]["extensions"]["KHR_lights_punctual"]["light"] = 0;
   const auto scene = LoadOnce(g.WriteGltf());
-  EXPECT_EQ(scene->Meshes[0].Positions[2], Vec3f(0, 1, 3));
-  EXPECT_TRUE(HasWarning(*scene, "morph targets"));
+  EXPECT_TRUE(HasWarning(*scene, "material \"sun\": the emission of 1e+30 is beyond"));
+  EXPECT_TRUE(HasWarning(*scene, "light \"star\": the intensity of 1e+30 is beyond"));
 }
 
 TEST(Gltf, MissingImageBecomesNeutralWithAWarning)
@@ -540,7 +683,17 @@ Gltf Rich()
         { { "index", 0 }, { "extensions", { { "KHR_texture_transform", { { "scale", { 2, 3 } } } } } } } } } },
     { "extensions", { { "KHR_materials_volume", { { "thicknessFactor", 1 } } } } } } };
   g.Primitive()["material"] = 0;
+  g.Doc["materials"][0]["extensions"]["KHR_materials_clearcoat"] = { { "clearcoatFactor", 1 },
+    { "clearcoatTexture", { { "index", 0 } } } };
   g.Animate("translation", "LINEAR", { 0, 1 }, { 0, 0, 0, 1, 1, 1 }, 3);
+  g.Doc["animations"][0]["channels"][0]["target"]["node"] = 2; // a joint
+  const int times = g.Floats({ 0, 1 }, "SCALAR", 1), weights = g.Floats({ 0, 1 }, "SCALAR", 1);
+  g.Doc["animations"].push_back({ { "samplers", { { { "input", times }, { "output", weights } } } },
+    { "channels", { { { "sampler", 0 }, { "target", { { "node", 0 }, { "path", "weights" } } } } } } });
+  g.Doc["nodes"].push_back({ { "mesh", 0 },
+    { "extensions", { { "EXT_mesh_gpu_instancing",
+                      { { "attributes", { { "TRANSLATION", g.Floats({ 0, 0, 0, 1, 2, 3 }, "VEC3", 3) } } } } } } } });
+  g.Doc["scenes"][0]["nodes"] = { 0, 1, 3 };
   const std::vector<std::uint16_t> where{ 2 };
   const std::vector<float> what{ 7, 8, 9 };
   const int indices = g.View(where.data(), 2), values = g.View(what.data(), 12);
@@ -558,9 +711,18 @@ bool Survives(const std::string& file)
   try
   {
     const auto scene = LoadScene(file);
-    const std::vector<Mat4> world = scene->WorldMatrices(0.3);
+    const ScenePose pose = scene->PoseAt(0.3);
+    const std::vector<Mat4>& world = pose.World;
+    scene->MovingInstances();
+    std::vector<Vec3f> positions, normals;
     for (const Instance& i : scene->Instances)
     {
+      scene->Deform(i, pose, Vec3d(), positions, &normals, nullptr);
+      EXPECT_EQ(positions.size(), scene->Meshes.at(std::size_t(i.Mesh)).Positions.size());
+      for (const Vec3f& p : positions)
+        EXPECT_TRUE(IsFinite(p));
+      for (const Vec3f& n : normals)
+        EXPECT_NEAR(Length(n), 1, 1e-4);
       const Mesh& m = scene->Meshes.at(std::size_t(i.Mesh));
       world.at(std::size_t(i.Node));
       scene->Materials.at(std::size_t(m.Material));
@@ -594,9 +756,10 @@ TEST(GltfMutation, TheOriginalIsFine)
 {
   Gltf g = Rich();
   const auto scene = LoadOnce(g.WriteGlb());
-  EXPECT_EQ(scene->Instances.size(), 1u);
+  EXPECT_TRUE(scene->Warnings.empty());
+  EXPECT_EQ(scene->Instances.size(), 3u);
   EXPECT_EQ(scene->Textures.size(), 2u);
-  EXPECT_EQ(scene->Lights.size() + scene->Cameras.size() + scene->Animation.size(), 3u);
+  EXPECT_EQ(scene->Lights.size() + scene->Cameras.size() + scene->Animation.size(), 4u);
 }
 
 TEST(GltfMutation, FlippedBytesAndTruncation)

@@ -128,6 +128,32 @@ TEST(Obj, MaterialMapping)
   }
 }
 
+TEST(Obj, WhatDissolvesIsNoGlass)
+{
+  const Material water = WithMaterial("Kd 0.2 0.4 1\nKs 0 0 0\nd 0.5\nillum 4\nTf 0.9 0.8 0.5")->Materials[0];
+  EXPECT_EQ(water.Transmission, 0);
+  EXPECT_EQ(water.BaseColor, Vec3f(0.2f, 0.4f, 1));
+  EXPECT_EQ(water.Mode, AlphaMode::Blend);
+  const Material glass =
+    WithMaterial("Kd 0.2 0.4 1\nmap_Kd gone.png\nillum 4\nTf 0.25 0.25 0.25\nNi 1.4")->Materials[0];
+  EXPECT_EQ(glass.Transmission, 1);
+  EXPECT_EQ(glass.BaseColor, Vec3f(0.5f));
+  EXPECT_GT(glass.Thickness, 0);
+  EXPECT_FLOAT_EQ(glass.Ior, 1.4f);
+}
+
+TEST(Obj, FacesTwiceAreKeptOnce)
+{
+  const auto scene = LoadOnce(WriteFile(TempName(".obj"),
+    "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 0\ng wall\nf 1 2 3 4\nf 3 2 5 4\ng thread\nf 1 2 2\nf 1 2 3\n"));
+  EXPECT_TRUE(HasWarning(*scene, "group \"wall\": 2 triangle(s) at the place of another one were dropped"));
+  EXPECT_TRUE(HasWarning(*scene, "group \"thread\": 1 triangle(s) without area were dropped"));
+  std::size_t triangles = 0;
+  for (const Mesh& m : scene->Meshes)
+    triangles += m.Indices.size() / 3;
+  EXPECT_EQ(triangles, 3u) << "OBJ surfaces have two sides: one facing back is the same";
+}
+
 TEST(Obj, MapsAndTheirTransform)
 {
   const std::string image = TempName(".png");

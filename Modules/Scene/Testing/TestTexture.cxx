@@ -117,6 +117,43 @@ TEST(Texture, PngIsDecodedFromTheFileWithItsSampler)
   EXPECT_NEAR(data.Sample(0.75f, 0.5f).y, 188 / 255., 1e-6);
 }
 
+TEST(Texture, WebPWhereItCanBeReadAndKtxWithAWarning)
+{
+  // 4 x 4 of sRGB (204, 103, 50).
+  const std::vector<std::uint8_t> webp = { 82, 73, 70, 70, 66, 0, 0, 0, 87, 69, 66, 80, 86, 80, 56, 32, 54, 0, 0, 0, 80,
+    2, 0, 157, 1, 42, 4, 0, 4, 0, 0, 0, 0, 37, 160, 2, 116, 186, 1, 248, 1, 250, 1, 252, 0, 9, 208, 0, 254, 223, 128,
+    63, 252, 176, 252, 127, 82, 121, 255, 203, 16, 255, 251, 82, 126, 188, 193, 202, 255, 237, 50, 0, 0, 0 };
+  Gltf g;
+  const std::vector<std::uint8_t> png = SmallPng();
+  g.Doc["images"] = { { { "bufferView", g.View(webp.data(), webp.size()) }, { "mimeType", "image/webp" } },
+    { { "bufferView", g.View(png.data(), png.size()) }, { "mimeType", "image/png" } } };
+  g.Doc["textures"] = { { { "extensions", { { "EXT_texture_webp", { { "source", 0 } } } } } },
+    { { "source", 1 }, { "extensions", { { "KHR_texture_basisu", { { "source", 0 } } } } } },
+    { { "extensions", { { "KHR_texture_basisu", { { "source", 0 } } } } } } };
+  g.Doc["materials"] = { { { "normalTexture", { { "index", 1 } } }, { "emissiveTexture", { { "index", 2 } } },
+    { "emissiveFactor", { 1, 1, 1 } }, { "pbrMetallicRoughness", { { "baseColorTexture", { { "index", 0 } } } } } } };
+  g.Doc["extensionsUsed"] = { "EXT_texture_webp" };
+  g.Primitive()["material"] = 0;
+  const auto scene = LoadOnce(g.WriteGltf());
+  const Material& m = scene->Materials[0];
+  if (m.BaseColorTexture.Texture < 0)
+    EXPECT_TRUE(HasWarning(*scene, "OpenImageIO lacks the format"));
+  else
+  {
+    const Texture& t = scene->Textures[std::size_t(m.BaseColorTexture.Texture)];
+    EXPECT_EQ(t.Width, 4);
+    EXPECT_EQ(t.Height, 4);
+    ASSERT_EQ(t.Bytes.size(), 64u);
+    EXPECT_NEAR(t.Bytes[0], 204, 2);
+    EXPECT_NEAR(t.Bytes[61], 103, 2);
+    EXPECT_NEAR(t.Bytes[62], 50, 2);
+  }
+  ASSERT_GE(m.NormalTexture.Texture, 0) << "the PNG beside the KTX2";
+  EXPECT_EQ(scene->Textures[std::size_t(m.NormalTexture.Texture)].Width, 2);
+  EXPECT_TRUE(HasWarning(*scene, "textures[2]: the texture exists only as KTX2"));
+  EXPECT_EQ(m.Emission, Vec3f(0, 0, 0)) << "a lost glow must not become a lamp";
+}
+
 TEST(Texture, TransformScalesThenRotatesThenMoves)
 {
   Gltf g;

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellWavefront_h
+#define quellWavefront_h
+
+#include "quellEmbreeScene.h"
+#include "quellSampler.h"
+#include "vtkQuellRayTracingModule.h"
+
+#include <cstdint>
+#include <vector>
+
+namespace quell
+{
+/// A ray as it went to Embree.
+struct RecordedRay
+{
+  Vec3f Origin, Direction;
+  float Far = 0;
+  std::uint32_t Shadow = 0; ///< asked for any hit
+};
+
+/// Paths that are traced side by side, one scattering at a time: column by column, so that what is plain arithmetic
+/// runs in vectors. Every row is computed by itself, by the same operations as in scalar code (quellBsdf.h,
+/// quellLightSampler.cxx, quellSampler.h): no result depends on the rows that happen to share a wavefront, nor on the
+/// width of the vectors. About 100 KB, that live on the stack of the thread that renders.
+struct Wavefront
+{
+  static constexpr int Width = 256; ///< a multiple of every vector's length
+  /// Columns start 64 bytes off multiples of 4096 from each other: stores would stall loads that look alike.
+  static constexpr int Stride = Width + 16;
+  template <class T>
+  using Column = T[Stride];
+
+  /// What a path takes from one scattering to the next: rows 0 to Count - 1, closed up when paths end.
+  struct alignas(64) State
+  {
+    Column<float> Ox, Oy, Oz, Dx, Dy, Dz;         ///< the ray
+    Column<float> Tr, Tg, Tb;                     ///< throughput
+    Column<float> Pdf;                            ///< of the direction; not used after a delta scattering
+    Column<float> Fx, Fy, Fz, Nx, Ny, Nz;         ///< Receiver of the last non-delta vertex
+    Column<std::uint32_t> KeyLo, KeyHi, Reversed; ///< PixelSampler's
+    Column<std::uint32_t> Path;                   ///< index into the samples
+    Column<float> Time;
+    Column<std::uint32_t> Flags; ///< bits: see below
+    // only for paths that can be anything but diffuse
+    Column<float> Sr, Sg, Sb; ///< share of the first diffuse lobe
+    Column<float> EtaScale;
+  } Live;
+  static constexpr int DiffuseRows = 22, AllRows = 26;
+  static_assert(sizeof(State) == AllRows * sizeof(Column<float>), "rows are closed up one after the other");
+
+  // Flags
+  static constexpr std::uint32_t SmoothMask = 0xffffu;    ///< non-delta scatterings so far
+  static constexpr std::uint32_t DeltaBit = 1u << 16;     ///< the last scattering was a delta, or there was none
+  static constexpr std::uint32_t GuidesBit = 1u << 17;    ///< guides still wanted
+  static constexpr std::uint32_t DistanceBit = 1u << 18;  ///< hit distance still wanted
+  static constexpr std::uint32_t BothSidesBit = 1u << 19; ///< of the receiver
+
+  int Count = 0;
+
+  // The hit of each row.
+  alignas(64) Column<std::uint32_t> Geometry, Primitive;
+  alignas(64) Column<std::uint32_t> Alive; ///< all ones: goes on; 0: ended
+  alignas(64) Column<float> U, V, T;
+  alignas(64) Column<float> Corner[9];                      ///< of the triangle: a, b, c
+  alignas(64) Column<float> Px, Py, Pz, Gx, Gy, Gz, Offset; ///< point, unit geometric normal by winding
+  alignas(64) Column<std::uint32_t> Front;
+  alignas(64) Column<float> Sx, Sy, Sz;                 ///< shading normal, on the side of the ray
+  alignas(64) Column<float> Ar, Ag, Ab;                 ///< diffuse albedo
+  alignas(64) Column<std::uint32_t> Material;           ///< bits, see WavefrontAccess
+  bool Bent = false, Elsewhere = false, Varies = false; ///< some row has that bit
+  int Emitters = 0;
+  alignas(64) Column<std::uint32_t> Emitter; ///< rows whose material emits or is unlit
+
+  // Random numbers.
+  alignas(64) Column<float> Random[8]; ///< 2 * SamplePair of a vertex
+  alignas(64) Column<std::uint32_t> Hash[3];
+
+  // Light samples, then shadow rays.
+  alignas(64) Column<float> Wx, Wy, Wz, Lx, Ly, Lz; ///< direction; target
+  alignas(64) Column<float> Er, Eg, Eb, LightPdf;
+  alignas(64) Column<std::uint32_t> LightFlags, LightIndex;
+  alignas(64) Column<std::uint32_t> Lit;                 ///< a shadow ray to trace
+  alignas(64) Column<float> Kx, Ky, Kz, Jx, Jy, Jz, Far; ///< its origin and direction
+  alignas(64) Column<float> Cr, Cg, Cb;                  ///< what it carries
+  alignas(64) Column<float> Br, Bg, Bb;                  ///< the part of it through the first diffuse lobe
+
+  static constexpr std::uint32_t LightDrawn = 1, LightAtInfinity = 2, LightHittable = 4; ///< BSDF samples may meet it
+};
+
+/// Loops over a wavefront's rows, in vectors of the best instruction set at hand. Rows up to the next multiple of 64
+/// are computed too (and hold garbage).
+namespace lanes
+{
+/// PixelSampler::Pair(pair) of every row into Random[2 slot], Random[2 slot + 1], of Sobol points.
+VTKQUELLRAYTRACING_EXPORT void DrawRandom(Wavefront& w, std::uint32_t pair, int slot) noexcept;
+/// P, G, Offset, Front from Corner, U, V; S becomes the geometric normal on the ray's side.
+VTKQUELLRAYTRACING_EXPORT void Locate(Wavefront& w) noexcept;
+/// Samples of light triangles, as LightSampler makes them, from PairLightPoint and what WavefrontAccess::PickTriangles
+/// left; LightFlags becomes 0 where there is none.
+VTKQUELLRAYTRACING_EXPORT void DrawTriangles(Wavefront& w) noexcept;
+/// Shadow rays and what they carry, at diffuse surfaces; `mis`: power heuristic against the cosine pdf.
+VTKQUELLRAYTRACING_EXPORT void LightDiffuse(Wavefront& w, bool mis) noexcept;
+/// The next directions of diffuse surfaces, with Russian roulette if `roulette`; ends paths in Alive.
+VTKQUELLRAYTRACING_EXPORT void ScatterDiffuse(Wavefront& w, bool roulette) noexcept;
+/// Closes the gaps of ended paths in the first `rows` rows of the state.
+VTKQUELLRAYTRACING_EXPORT void Close(Wavefront& w, int rows) noexcept;
+}
+
+/// Rays of whole wavefronts against a scene.
+struct VTKQUELLRAYTRACING_EXPORT WavefrontAccess
+{
+  /// Traces the rows' rays: Geometry, Primitive, U, V, T; Alive is 0 for those that met nothing. `keys` (null: no
+  /// see-through surfaces): one per row.
+  static void Intersect(const EmbreeScene& scene, EmbreeScene::Context& context, Wavefront& w,
+    const std::uint32_t* keys, std::vector<RecordedRay>* record) noexcept;
+  /// Corner of the rows that hit, and what of the material can be looked up by the part alone.
+  static void Fetch(const EmbreeScene& scene, Wavefront& w) noexcept;
+  /// What lanes::Locate makes of parts that are not baked into place, made again with their matrices.
+  static void Straighten(const EmbreeScene& scene, Wavefront& w) noexcept;
+  /// The hit of row `i` (P is left out unless `position`).
+  static void Hit(const EmbreeScene& scene, const Wavefront& w, int i, bool position, SurfaceHit& hit) noexcept;
+  /// Shadow rays of the rows with Lit; Lit becomes 0 where they are blocked.
+  static std::int64_t Occlude(const EmbreeScene& scene, EmbreeScene::Context& context, Wavefront& w,
+    const std::uint32_t* keys, std::vector<RecordedRay>* record) noexcept;
+  /// All light there is comes from a few triangles: PickTriangles may stand for LightSampler::Draw's choice.
+  static bool CanPickTriangles(const EmbreeScene& scene) noexcept;
+  /// The triangle of each row by PairLightPick: Corner (V0, E1, E2), J (normal), Far (offset), Kx (two-sided),
+  /// LightPdf (per area), E, LightFlags.
+  static void PickTriangles(const EmbreeScene& scene, Wavefront& w) noexcept;
+  /// The bare loop that speed is measured against: number of rays that met something.
+  static std::int64_t Replay(const EmbreeScene& scene, const std::vector<RecordedRay>& rays) noexcept;
+
+  /// Asks the memory for the texels that the rows' materials will read.
+  static void Prefetch(const EmbreeScene& scene, const Wavefront& w) noexcept;
+  // A hit's parts of EmbreeScene::Shade.
+  static void Normals(
+    const EmbreeScene& scene, const SurfaceHit& hit, const Vec3f& wo, ShadingNormals& normals) noexcept;
+  /// Where textures or vertex colours say what the material is.
+  static Surface Resolve(const EmbreeScene& scene, const SurfaceHit& hit, float& roughness, Vec3f& unlit) noexcept;
+  static Vec3f Emission(const EmbreeScene& scene, const SurfaceHit& hit) noexcept;
+  /// Every surface is Lambert's, whatever its textures say.
+  static bool OnlyDiffuse(const EmbreeScene& scene) noexcept;
+  /// No glass, no clearcoat, nothing see-through.
+  static bool OnlyOpaque(const EmbreeScene& scene) noexcept;
+
+  // What Fetch says about a row in Wavefront::Material.
+  static constexpr std::uint32_t Varies = 1, Bent = 4, Mirrored = 8, Elsewhere = 16;
+};
+}
+
+#endif
