@@ -1,6 +1,6 @@
 # Everything comes from Debian 12; bootstrap.sh installs it. Documentation/dependencies.md says why each is here.
 set(quell_public_vtk CommonCore CommonDataModel CommonExecutionModel)
-find_package(VTK 9.1 REQUIRED COMPONENTS ${quell_public_vtk} ImagingCore expat)
+find_package(VTK 9.1 REQUIRED COMPONENTS ${quell_public_vtk} ImagingCore RenderingCore FiltersGeometry expat)
 find_package(hwy CONFIG REQUIRED)
 find_package(TBB CONFIG REQUIRED)
 find_package(embree 3 CONFIG REQUIRED)
@@ -19,4 +19,7 @@ find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
 if (BUILD_TESTING)
   find_package(GTest REQUIRED)
+  find_package(VTK 9.1 REQUIRED COMPONENTS FiltersCore FiltersGeneral FiltersSources)
+  # Only an example uses it; here, because what it finds must be known where VTK's targets are.
+  find_package(VTK 9.1 QUIET OPTIONAL_COMPONENTS RenderingOpenGL2)
 endif ()
