@@ -3,6 +3,7 @@
 #   ./bootstrap.sh run FILE.xml [options]   path-trace, filter and write what the pipeline says (quell run)
 #   ./bootstrap.sh test [ctest options]     build everything and run the whole test suite
 #   ./bootstrap.sh build                    build everything
+#   ./bootstrap.sh bench [NAME...]          measure (all, or those whose names begin so); build/bench.json
 set -euo pipefail
 top=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 build=${QUELL_BUILD_DIR:-$top/build}
@@ -12,7 +13,7 @@ packages=(g++ cmake ninja-build ccache
   libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
-usage() { sed -n '3,5s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
+usage() { sed -n '3,6s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
 
 install_missing() {
   local missing=() p
@@ -64,6 +65,11 @@ case $command in
   test)
     install_missing; configure; compile
     cd "$build" && exec ctest --output-on-failure -j "$(nproc)" "$@" ;;
+  bench)
+    install_missing; configure
+    cmake -B "$build" -DQUELL_BENCHMARKS=ON >"$build/configure.log" 2>&1 || { tail -n 30 "$build/configure.log" >&2; exit 1; }
+    compile quell-bench
+    exec "$build/bin/quell-bench" --json "$build/bench.json" "$@" ;;
   *)
     say "unknown command \"$command\""; usage ;;
 esac
