@@ -85,8 +85,8 @@ void EmbreeScene::SeeThrough(const RTCFilterFunctionNArguments* args)
   const Context* context = reinterpret_cast<const Context*>(args->context);
   const EmbreeScene& self = *context->Self;
   const unsigned instance = context->Rtc.instID[0]; // a body's geometry belongs to many parts
-  const std::size_t index = instance != RTC_INVALID_GEOMETRY_ID ? std::size_t(instance)
-                                                                : reinterpret_cast<std::size_t>(args->geometryUserPtr);
+  const std::size_t index =
+    instance != RTC_INVALID_GEOMETRY_ID ? std::size_t(instance) : reinterpret_cast<std::size_t>(args->geometryUserPtr);
   const Part& part = self.Parts[index];
   for (unsigned i = 0; i < args->N; ++i)
   {
