@@ -14,6 +14,8 @@ PlacedLight EmbreeScene::PlaceLamp(const PunctualLight& p, const Mat4& m) const
   l.Position = Vec3f(Vec3d(m.m[0][3], m.m[1][3], m.m[2][3]) - this->Center);
   l.Direction = Vec3f(Normalized(m.Direction({ 0, 0, -1 })));
   l.Intensity = Radiance(p.Intensity);
+  for (int c = 0; c < 3; ++c)
+    l.Intensity[c] = std::min(LargestEmission, l.Intensity[c]);
   l.Range = std::isfinite(p.Range) && p.Range > 0 ? p.Range : 0;
   l.CosInner = std::cos(p.InnerCone);
   l.CosOuter = std::cos(p.OuterCone);
@@ -104,7 +106,9 @@ void EmbreeScene::BuildLights(Poses& poses)
     const std::string name = Quoted("light", p.Name, int(i));
     if (!quell::IsFinite(l.Position) || l.Direction == Vec3f() || l.Intensity != p.Intensity)
     {
-      const std::string text = l.Intensity != p.Intensity
+      const bool strong = MaxComponent(p.Intensity) > LargestEmission;
+      const std::string text = strong ? name + ": its intensity is above 1e14; taken as 1e14"
+                               : l.Intensity != p.Intensity
                                  ? name + ": its intensity is negative or not a number; taken as 0"
                                  : name + " is left out: its place or direction is not finite";
       if (std::find(this->Warnings.begin(), this->Warnings.end(), text) == this->Warnings.end())

@@ -69,12 +69,12 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& opti
     part.Deforms = s.Deforms(i);
     part.AlphaTested = m.Mode != AlphaMode::Opaque;
     const auto used = [&](const TextureUse& u) { return u.Texture >= 0 && u.Texture < int(s.Textures.size()); };
-    part.Textured = used(m.BaseColorTexture) || used(m.MetallicRoughnessTexture) || used(m.NormalTexture) ||
-                    used(m.EmissiveTexture) || used(m.TransmissionTexture);
+    for (const TextureUse* use : TexturesOf(m))
+      part.Textured |= used(*use);
     part.Plain = !part.Textured && mesh.Colors.empty();
     const Surface& surface = this->Surfaces[std::size_t(mesh.Material)];
     this->Has.Textures |= part.Textured;
-    this->Has.Glossy |= surface.HasSpecular;
+    this->Has.Glossy |= surface.HasSpecular || surface.NeedsChoice();
     this->Has.Glass |= surface.Glass > 0;
     this->Has.Volumes |= m.Volume && surface.Glass > 0;
     this->Has.SeeThrough |= part.AlphaTested;

@@ -38,6 +38,11 @@ void Sum(double* to, const Vec3d& v) noexcept
   to[1] += v.y;
   to[2] += v.z;
 }
+/// Squares of extreme light that a float cannot hold stay finite.
+float Largest(double v) noexcept
+{
+  return float(std::min(v, double(std::numeric_limits<float>::max())));
+}
 /// Welford's update of the mean (3) and the summed squared deviation (1) of a triple.
 void Spread(double* to, const Vec3f& v, int count) noexcept
 {
@@ -338,13 +343,13 @@ void Film::Develop(const std::string& array, const Rect& part, int samples, cons
   else if (array == "halfB")
     half(o.HalfB, o.HalfA, odd, even);
   else if (array == "variance")
-    each([&](float* p, const double* r) { *p = float(r[o.Luminance + 1] * variance); });
+    each([&](float* p, const double* r) { *p = Largest(r[o.Luminance + 1] * variance); });
   else if (array == "moments")
     each(
       [&](float* p, const double* r)
       {
         p[0] = float(r[o.Luminance]);
-        p[1] = float(r[o.Luminance + 1] * n);
+        p[1] = Largest(r[o.Luminance + 1] * n);
       });
   else if (array == "albedo")
     mean3(o.Albedo);

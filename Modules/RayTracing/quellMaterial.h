@@ -6,6 +6,7 @@
 #include "quellScene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace quell
@@ -27,6 +28,14 @@ inline float Radiance(float v) noexcept
 inline Vec3f Radiance(const Vec3f& v) noexcept
 {
   return { Radiance(v.x), Radiance(v.y), Radiance(v.z) };
+}
+
+/// Every texture that the path tracer reads of a material.
+inline std::array<const TextureUse*, 11> TexturesOf(const Material& m) noexcept
+{
+  return { &m.BaseColorTexture, &m.MetallicRoughnessTexture, &m.NormalTexture, &m.EmissiveTexture,
+    &m.TransmissionTexture, &m.SpecularTexture, &m.SpecularColorTexture, &m.ThicknessTexture, &m.ClearcoatTexture,
+    &m.ClearcoatRoughnessTexture, &m.ClearcoatNormalTexture };
 }
 
 /// What textures and vertex colours may change of a material, at one point.

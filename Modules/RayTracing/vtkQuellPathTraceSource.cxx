@@ -2,6 +2,7 @@
 #include "vtkQuellPathTraceSource.h"
 
 #include "quellIntegrator.h"
+#include "quellMaterial.h"
 #include "quellScene.h"
 #include "vtkInformation.h"
 #include "vtkObjectFactory.h"
@@ -696,6 +697,10 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     { return pose(model.Node >= 0 ? built.NodeMatrix(model.Node, previous) : model.WorldFromCamera); };
     integrator.View = at(false);
     integrator.PreviousView = at(true);
+    const quell::Vec3d& eye = integrator.View.Position;
+    if (!(std::max({ std::fabs(eye.x), std::fabs(eye.y), std::fabs(eye.z) }) < 1e18))
+      throw quell::StageError("camera " + (model.Name.empty() ? std::to_string(index) : '"' + model.Name + '"') +
+                              " is farther than 1e18 from the scene; rays have no digits there");
     if (shutter > 0 && model.Node >= 0 && scene.Animated())
       integrator.View.MoveInShutter(
         pose(built.NodeMatrix(model.Node, time - shutter / 2)), pose(built.NodeMatrix(model.Node, time + shutter / 2)));
@@ -944,13 +949,24 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     },
     1, 1);
 
-  if (missing.count("radiance") && integrator.MaximumBounces > 0 && region == whole && scene.HasLight() &&
-      !in.WarnedOfDarkness)
+  std::vector<quell::ImageOut> seen;
+  for (const char* name : { "emission", "direct", "indirect" })
+    if (missing.count(name))
+      seen.push_back(frame.Output(name));
+  if (missing.count("radiance"))
+    seen = { frame.Output("radiance") };
+  if ((missing.count("radiance") || seen.size() == 3) && integrator.MaximumBounces > 0 && region == whole &&
+      scene.HasLight() && !in.WarnedOfDarkness)
   {
-    const quell::ImageOut radiance = frame.Output("radiance");
     std::ptrdiff_t lit = 0;
     for (std::ptrdiff_t p = 0; p < region.area(); ++p)
-      lit += std::max({ radiance.data[3 * p], radiance.data[3 * p + 1], radiance.data[3 * p + 2] }) > 1e-3f;
+    {
+      float sum[3] = {};
+      for (const quell::ImageOut& image : seen)
+        for (int c = 0; c < 3; ++c)
+          sum[c] += image.data[3 * p + c];
+      lit += std::max({ sum[0], sum[1], sum[2] }) > 1e-3f;
+    }
     if (100 * lit < region.area())
     {
       in.WarnedOfDarkness = true;
@@ -999,8 +1015,7 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       glass |= m.Transmission > 0;
       seeThrough |= m.Mode != quell::AlphaMode::Opaque;
       emissive |= quell::MaxComponent(m.Emission) > 0;
-      for (const quell::TextureUse* use : { &m.BaseColorTexture, &m.MetallicRoughnessTexture, &m.NormalTexture,
-             &m.EmissiveTexture, &m.TransmissionTexture })
+      for (const quell::TextureUse* use : quell::TexturesOf(m))
         textures |= use->Texture >= 0;
     }
     const auto out = [&](bool has, const char* text)

@@ -181,8 +181,8 @@ public:
   ///@}
   ///@{
   /// Radius of the thin lens in scene units: focal length / (2 f-number). Default 0: a pinhole, everything is sharp.
-  /// [0, 1e30]
-  vtkSetClampMacro(LensRadius, double, 0., 1e30);
+  /// [0, 1e9]
+  vtkSetClampMacro(LensRadius, double, 0., 1e9);
   vtkGetMacro(LensRadius, double);
   ///@}
   ///@{

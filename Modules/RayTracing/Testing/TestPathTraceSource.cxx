@@ -540,3 +540,90 @@ TEST(PathTraceSource, MistakesAreToldBeforeTracing)
   EXPECT_EQ(s->GetErrorText(), "");
   vtkObject::GlobalWarningDisplayOn();
 }
+
+TEST(PathTraceSource, EveryTextureCountsAlone)
+{
+  // One feature, black texture: as if the factor were 0. Red of the colour textures, where 0 would mean the same.
+  using Change = void (*)(Material&, bool textured);
+  const Change changes[] = {
+    [](Material& m, bool textured)
+    {
+      m.Clearcoat = textured ? 1 : 0;
+      m.ClearcoatTexture.Texture = textured ? 0 : -1;
+    },
+    [](Material& m, bool textured)
+    {
+      m.Clearcoat = 1;
+      m.ClearcoatRoughness = textured ? 1 : 0;
+      m.ClearcoatRoughnessTexture.Texture = textured ? 0 : -1;
+    },
+    [](Material& m, bool textured)
+    {
+      m.Specular = textured ? 1 : 0;
+      m.SpecularTexture.Texture = textured ? 0 : -1;
+    },
+    [](Material& m, bool textured)
+    {
+      m.SpecularColor = Vec3f(textured ? 1.f : 0.f);
+      m.SpecularColorTexture.Texture = textured ? 0 : -1;
+    },
+    [](Material& m, bool textured)
+    {
+      m.Transmission = 1;
+      m.Roughness = 0;
+      m.Volume = textured;
+      m.Thickness = textured ? 1 : 0;
+      m.ThicknessTexture.Texture = textured ? 0 : -1;
+    },
+  };
+  int which = 0;
+  for (const Change change : changes)
+  {
+    std::vector<float> pictures[2];
+    for (bool textured : { false, true })
+    {
+      SceneBuilder b;
+      Material m;
+      m.BaseColor = Vec3f(.5f);
+      m.Metallic = 0;
+      m.Roughness = .3f;
+      change(m, textured);
+      Texture black;
+      black.Width = black.Height = 1;
+      black.Bytes = { 0, 0, 0, 0 };
+      b.Scene->Textures.push_back(black);
+      b.Quad(b.Add(m), { -1, -1, 0 }, { 2, 0, 0 }, { 0, 2, 0 });
+      b.Scene->Meshes.back().TexCoords[0] = { { 0, 0 }, { 1, 0 }, { 1, 1 }, { 0, 1 } };
+      b.Quad(b.Add(SceneBuilder::Lambert(.5f, 2)), { -1, -1, -2 }, { 2, 0, 0 }, { 0, 2, 0 });
+      b.Sky(1);
+      b.Camera({ .3, .2, 2 }, .6);
+      vtkNew<vtkQuellPathTraceSource> s;
+      Configure(s, b.Scene, 16, 16, 4);
+      s->SetAlwaysMake({ "radiance" });
+      s->Update();
+      ASSERT_EQ(s->GetErrorText(), "");
+      pictures[textured] = Copy(s, "radiance");
+    }
+    ASSERT_EQ(pictures[0].size(), pictures[1].size());
+    for (std::size_t i = 0; i < pictures[0].size(); ++i)
+      ASSERT_NEAR(pictures[0][i], pictures[1][i], 1e-5f) << "feature " << which;
+    ++which;
+  }
+}
+
+TEST(PathTraceSource, CamerasWithoutDigitsAreRefused)
+{
+  auto room = Room();
+  for (CameraModel& c : room->Cameras)
+  {
+    c.Node = -1;
+    c.Name = "far";
+    c.WorldFromCamera.m[0][3] = 1e20;
+  }
+  vtkNew<vtkQuellPathTraceSource> s;
+  Configure(s, room, 4, 4, 1);
+  vtkObject::GlobalWarningDisplayOff();
+  s->Update();
+  vtkObject::GlobalWarningDisplayOn();
+  EXPECT_NE(s->GetErrorText().find("camera \"far\""), std::string::npos) << s->GetErrorText();
+}
