@@ -1986,12 +1986,11 @@ private:
       }
     };
     add(node.Description().Outputs);
-    if (this->BadProperties.count(n))
-    {
-      // What it makes may hang on them only where nothing is described.
-      a.Known = !node.Description().Outputs.empty();
-    }
-    else
+    // What it makes may hang on properties that are wrong (and told): where nothing is described nothing is known, and
+    // mistakes that follow from them are not told.
+    const bool bad = this->BadProperties.count(n) != 0;
+    a.Known = !bad || !node.Description().Outputs.empty();
+    if (a.Known)
     {
       try
       {
@@ -2001,7 +2000,10 @@ private:
       catch (const std::exception& e)
       {
         a.Known = false;
-        this->Complain(n, e.what());
+        if (!bad)
+        {
+          this->Complain(n, e.what());
+        }
       }
     }
     bool connected = false;
