@@ -2,10 +2,17 @@
 #include "quellLightSampler.h"
 
 #include "quellSampler.h"
+#include "quellSinCos.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <new>
+
+#if defined(__linux__)
+#include <sys/mman.h>
+#endif
 
 namespace quell
 {
@@ -59,15 +66,91 @@ double Fraction(float a, float b) noexcept
   return double(h >> 11) * 0x1p-77;
 }
 
+/// The same for two numbers at once, each extended by 32 bits. `pick` adds what the pair may lack.
+void Extend(float pick, float u, float v, double& s, double& t) noexcept
+{
+  std::uint32_t p, x, y;
+  std::memcpy(&p, &pick, sizeof p);
+  std::memcpy(&x, &u, sizeof x);
+  std::memcpy(&y, &v, sizeof y);
+  const std::uint64_t h = sampling::Mix64((std::uint64_t(x) << 32 | y) + (p + 1) * 0x9e3779b97f4a7c15ull);
+  s = double(u) + double(std::uint32_t(h >> 32)) * 0x1p-56;
+  t = double(v) + double(std::uint32_t(h)) * 0x1p-56;
+  s = s < BelowOne ? s : BelowOne;
+  t = t < BelowOne ? t : BelowOne;
+}
+
+/// `minus` is 0 or all ones: t, or k - t. Signs of directions are what no processor can foresee: no branch.
+inline float OrMinus(std::uint32_t minus, float k, float t) noexcept
+{
+  std::uint32_t a, b;
+  std::memcpy(&a, &k, sizeof a);
+  std::memcpy(&b, &t, sizeof b);
+  a &= minus;
+  b ^= minus & 0x80000000u;
+  std::memcpy(&k, &a, sizeof k);
+  std::memcpy(&t, &b, sizeof t);
+  return k + t;
+}
+
+/// atan2(y, x) in turns, [-1/2, 1/2]. Error below 3e-8, of which 6e-9 are the polynomial's (minimax on [0, 1]). Finite
+/// or infinite y, finite x.
+inline float Turns(float y, float x) noexcept
+{
+  const float a = std::fabs(x), b = std::fabs(y);
+  const float high = std::max(std::max(a, b), std::numeric_limits<float>::min()), low = std::min(a, b);
+  const float q = low / high, z = q * q, z2 = z * z;
+  const float p0 = 9.9999933561e-1f - 3.3329860846e-1f * z, p1 = 1.9946566051e-1f - 1.3908630674e-1f * z;
+  const float p2 = 9.6421987631e-2f - 5.5912332895e-2f * z, p3 = 2.1862955450e-2f - 4.0545651829e-3f * z;
+  float t = ((p0 + p1 * z2) + (p2 + p3 * z2) * (z2 * z2)) * q * (1 / (2 * Pi));
+  t = OrMinus(0u - std::uint32_t(b > a), 0.25f, t);
+  std::uint32_t sign;
+  std::memcpy(&sign, &x, sizeof sign);
+  t = OrMinus(0u - (sign >> 31), 0.5f, t);
+  return std::copysign(t, y);
+}
+
+/// Guide tables: calls put(k, last entry whose lower end is not above k / parts) for k = 0 ... parts - 1, then
+/// put(parts, last entry).
+template <class LowerEnd, class Put>
+void MakeGuide(std::uint32_t entries, std::uint32_t parts, const LowerEnd& lowerEnd, const Put& put)
+{
+  std::uint32_t i = 0;
+  for (std::uint32_t k = 0; k < parts; ++k)
+  {
+    while (i + 1 < entries && lowerEnd(i + 1) <= double(k) / parts)
+      ++i;
+    put(k, i);
+  }
+  put(parts, entries - 1);
+}
+
+/// Last entry in [first, last] whose lower end is not above what is searched; `first`'s is not.
+template <class NotAbove>
+std::uint32_t FindGuided(std::uint32_t first, std::uint32_t last, const NotAbove& notAbove) noexcept
+{
+  while (last - first > 8)
+  {
+    const std::uint32_t middle = first + (last - first) / 2;
+    if (notAbove(middle))
+      first = middle;
+    else
+      last = middle - 1;
+  }
+  while (first < last && notAbove(first + 1))
+    ++first;
+  return first;
+}
+
 float Sanitized(float v)
 {
   return std::isfinite(v) && v > 0 ? v : 0;
 }
 
 /// Solid angle of a row of texels over 2 pi: the difference of the cosines of its edges, without cancellation.
-float RowBand(int y, int h)
+double RowBand(int y, int h)
 {
-  return 2 * std::sin(Pi * (y + 0.5f) / h) * std::sin(Pi / (2 * h));
+  return 2 * std::sin(M_PI * (y + 0.5) / h) * std::sin(M_PI / (2. * h));
 }
 
 /// KHR_lights_punctual's window: (1 - (d / range)^4), at most 1, over d^2.
@@ -86,7 +169,7 @@ void LightSampler::Build(std::vector<LightTriangle> triangles, const std::vector
   const double radius2 = std::isfinite(sceneRadius) ? double(sceneRadius) * sceneRadius : 0;
   const double skyPower = Pi * radius2 * this->BuildSky(scene);
   const bool haveSky =
-    this->SkyPresent && Luminance(this->SkyColor) > 0 && (this->ImageWidth == 0 || !this->Levels.empty());
+    this->SkyPresent && Luminance(this->SkyColor) > 0 && (this->ImageWidth == 0 || !this->Rows.empty());
 
   // Lights at a place: triangles, then points and spots.
   this->Triangles = std::move(triangles);
@@ -202,6 +285,34 @@ void LightSampler::Build(std::vector<LightTriangle> triangles, const std::vector
   }
 }
 
+namespace
+{
+constexpr std::size_t LargePage = std::size_t(1) << 21;
+std::size_t TableAlignment(std::size_t bytes) noexcept
+{
+  return bytes < LargePage ? 64 : LargePage;
+}
+}
+
+void* LightSampler::AllocateTable(std::size_t count, std::size_t size)
+{
+  if (count > (std::numeric_limits<std::size_t>::max() - LargePage) / size)
+    throw std::bad_alloc();
+  const std::size_t bytes = count * size, alignment = TableAlignment(bytes);
+  const std::size_t whole = (bytes + alignment - 1) / alignment * alignment;
+  void* table = ::operator new(whole, std::align_val_t(alignment));
+#if defined(__linux__)
+  if (alignment == LargePage)
+    (void)madvise(table, whole, MADV_HUGEPAGE); // may fail: slower, nothing else
+#endif
+  return table;
+}
+
+void LightSampler::FreeTable(void* table, std::size_t bytes) noexcept
+{
+  ::operator delete(table, std::align_val_t(TableAlignment(bytes)));
+}
+
 /// Returns the integral of the luminance over all directions.
 double LightSampler::BuildSky(const Scene& scene)
 {
@@ -211,7 +322,10 @@ double LightSampler::BuildSky(const Scene& scene)
     this->SkyPresent = false;
   this->ImageWidth = this->ImageHeight = 0;
   this->Image.clear();
-  this->Levels.clear();
+  this->Rows.clear();
+  this->Columns.clear();
+  this->RowGuide.clear();
+  this->ColumnGuide.clear();
   if (!this->SkyPresent)
     return 0;
   const double color = Luminance(Vec3d(this->SkyColor));
@@ -223,130 +337,198 @@ double LightSampler::BuildSky(const Scene& scene)
   if (count == 0 || (t.Floats.size() < 4 * count && t.Bytes.size() < 4 * count))
     return 4 * Pi * color;
   const int w = this->ImageWidth = t.Width, h = this->ImageHeight = t.Height;
-  this->Image.resize(3 * count);
-  for (std::size_t i = 0; i < count; ++i)
-    for (int c = 0; c < 3; ++c)
+  const std::size_t stride = std::size_t(w) + 2;
+  this->Image.resize(stride * (std::size_t(h) + 2));
+  std::vector<double> luminance(count);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x)
     {
-      float v;
-      if (!t.Floats.empty())
-        v = t.Floats[4 * i + std::size_t(c)];
-      else
+      const std::size_t i = std::size_t(y) * std::size_t(w) + std::size_t(x);
+      Vec3f radiance;
+      for (int c = 0; c < 3; ++c)
       {
-        v = t.Bytes[4 * i + std::size_t(c)] / 255.f;
-        if (t.SRGB)
-          v = v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
+        float v;
+        if (!t.Floats.empty())
+          v = t.Floats[4 * i + std::size_t(c)];
+        else
+        {
+          v = t.Bytes[4 * i + std::size_t(c)] / 255.f;
+          if (t.SRGB)
+            v = v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
+        }
+        // the product with the colour has to be a number, too
+        v = Sanitized(v);
+        const float largest = 1e37f / std::max(1.f, this->SkyColor[c]);
+        radiance[c] = this->SkyColor[c] * std::min(v, largest);
+        this->Image[(std::size_t(y) + 1) * stride + std::size_t(x) + 1].Radiance[c] = radiance[c];
       }
-      // the product with the colour has to be a number, too
-      v = Sanitized(v);
-      const float largest = 1e37f / std::max(1.f, this->SkyColor[c]);
-      this->Image[3 * i + std::size_t(c)] = std::min(v, largest);
+      luminance[i] = Luminance(Vec3d(radiance));
     }
   // Weights: texel luminance with a little of its neighbours', which the bilinear lookup sees, times solid angle.
-  const auto luminance = [this](int x, int y) { return Luminance(Vec3d(this->SkyColor * this->Texel(x, y))); };
   std::vector<double> weight(count);
   double total = 0, integral = 0;
   for (int y = 0; y < h; ++y)
   {
-    const double solid = 2 * M_PI / w * double(RowBand(y, h));
+    const double solid = 2 * M_PI / w * RowBand(y, h);
+    const double* rows[3];
+    for (int j = 0; j < 3; ++j)
+      rows[j] = &luminance[std::size_t(std::min(h - 1, std::max(0, y + j - 1))) * std::size_t(w)];
     for (int x = 0; x < w; ++x)
     {
+      const int before = x > 0 ? x - 1 : w - 1, after = x + 1 < w ? x + 1 : 0;
       double around = 0;
-      for (int j = -1; j <= 1; ++j)
-        for (int i = -1; i <= 1; ++i)
-          around += luminance((x + i + w) % w, std::min(h - 1, std::max(0, y + j)));
-      const double here = luminance(x, y);
+      for (const double* r : rows)
+        around += r[before] + r[x] + r[after];
+      const double here = rows[1][x];
       const double v = (0.75 * here + 0.25 / 9 * around) * solid;
       weight[std::size_t(y) * std::size_t(w) + std::size_t(x)] = v;
       total += v;
       integral += here * solid;
     }
   }
-  if (!(total > 0) || !std::isfinite(total))
-    return 0;
-  Level level;
-  level.Width = w;
-  level.Height = h;
-  level.Chance.resize(count);
-  for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x)
-    {
-      const std::size_t i = std::size_t(y) * std::size_t(w) + std::size_t(x);
-      level.Chance[i] =
-        float((1 - UniformSky) * weight[i] / total + UniformSky * double(RowBand(y, h)) / (2 * double(w)));
-    }
-  while (level.Width > 1 || level.Height > 1)
+  const bool lit = total > 0 && std::isfinite(total);
+  if (lit)
   {
-    Level next;
-    next.Width = (level.Width + 1) / 2;
-    next.Height = (level.Height + 1) / 2;
-    next.Chance.assign(std::size_t(next.Width) * std::size_t(next.Height), 0.f);
-    for (int y = 0; y < next.Height; ++y)
-      for (int x = 0; x < next.Width; ++x)
+    this->Rows.resize(std::size_t(h) + 1);
+    const std::size_t ends = std::size_t(w) + 1;
+    this->Columns.resize(ends * std::size_t(h));
+    // One part for four columns: the guide stays small, and what is left to search is one cache line.
+    std::uint32_t parts = 1;
+    this->ColumnShift = 32;
+    while (parts < std::uint32_t(w) / 4)
+    {
+      parts *= 2;
+      --this->ColumnShift;
+    }
+    this->ColumnGuide.resize((std::size_t(parts) + 1) * std::size_t(h));
+    double sum = 0;
+    for (int y = 0; y < h; ++y)
+    {
+      double* row = &weight[std::size_t(y) * std::size_t(w)];
+      SkyRow& r = this->Rows[std::size_t(y)];
+      r.Lower = sum;
+      r.Top = std::cos(M_PI * y / h);
+      r.Band = RowBand(y, h);
+      double chance = 0;
+      for (int x = 0; x < w; ++x)
       {
-        double sum = 0;
-        for (int j = 2 * y; j < std::min(level.Height, 2 * y + 2); ++j)
-          for (int i = 2 * x; i < std::min(level.Width, 2 * x + 2); ++i)
-            sum += double(level.Chance[std::size_t(j) * std::size_t(level.Width) + std::size_t(i)]);
-        next.Chance[std::size_t(y) * std::size_t(next.Width) + std::size_t(x)] = float(sum);
+        row[x] = (1 - UniformSky) * row[x] / total + UniformSky * r.Band / (2. * w);
+        chance += row[x];
       }
-    this->Levels.push_back(std::move(level));
-    level = std::move(next);
+      sum += chance;
+      std::uint32_t* columns = &this->Columns[std::size_t(y) * ends];
+      double before = 0;
+      for (int x = 0; x < w; ++x)
+      {
+        columns[x] = std::uint32_t(x) + std::uint32_t(std::min(1., before / chance) * (double(ColumnSteps) - w));
+        before += row[x];
+      }
+      columns[w] = ColumnSteps;
+      ColumnPart* guide = &this->ColumnGuide[std::size_t(y) * (std::size_t(parts) + 1)];
+      MakeGuide(
+        std::uint32_t(w), parts, [columns](std::uint32_t i) { return double(columns[i]) * 0x1p-32; },
+        [columns, guide, w](std::uint32_t k, std::uint32_t first)
+        {
+          guide[k].First = first;
+          for (std::uint32_t i = 0; i < 7; ++i)
+            guide[k].Ends[i] = columns[std::min(std::uint32_t(w), first + i)];
+        });
+    }
+    for (SkyRow& r : this->Rows)
+      r.Lower /= sum;
+    this->Rows.back().Lower = 1;
+    for (this->RowParts = 1; this->RowParts < h; this->RowParts *= 2)
+      continue;
+    this->RowGuide.resize(std::size_t(this->RowParts) + 1);
+    MakeGuide(
+      std::uint32_t(h), std::uint32_t(this->RowParts), [this](std::uint32_t i) { return this->Rows[i].Lower; },
+      [this](std::uint32_t k, std::uint32_t i) { this->RowGuide[k] = i; });
+    for (int y = 0; y < h; ++y)
+    {
+      const double perSolidAngle =
+        (this->Rows[std::size_t(y) + 1].Lower - this->Rows[std::size_t(y)].Lower) * w / (2 * M_PI * RowBand(y, h));
+      const std::uint32_t* columns = &this->Columns[std::size_t(y) * ends];
+      for (int x = 0; x < w; ++x)
+        this->Image[(std::size_t(y) + 1) * stride + std::size_t(x) + 1].Density =
+          float(double(columns[x + 1] - columns[x]) / double(ColumnSteps) * perSolidAngle);
+    }
   }
-  this->Levels.push_back(std::move(level));
-  return integral;
+  for (std::size_t y = 1; y <= std::size_t(h); ++y)
+  {
+    SkyTexel* row = &this->Image[y * stride];
+    row[0] = row[w];
+    row[w + 1] = row[1];
+  }
+  std::copy_n(&this->Image[stride], stride, &this->Image[0]);
+  std::copy_n(&this->Image[std::size_t(h) * stride], stride, &this->Image[(std::size_t(h) + 1) * stride]);
+  return lit ? integral : 0;
 }
 
-void LightSampler::SkyTexture(const Vec3f& d, float& u, float& v) const noexcept
+/// The first of the four texels around `d`, which is finite, and where between them.
+std::size_t LightSampler::SkyPlace(const Vec3f& d, float& tx, float& ty) const noexcept
 {
-  // atan2 rather than acos: near the poles the height alone has no digits left
-  u = 0.5f + std::atan2(d.x, -d.z) / (2 * Pi);
-  v = std::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y) / Pi;
+  // No arc cosine: near the poles the height alone has no digits left.
+  const float u = 0.5f + Turns(d.x, -d.z), v = 2 * Turns(std::sqrt(d.x * d.x + d.z * d.z), d.y);
+  // places in the bordered image, half a texel back
+  const float px = u * float(this->ImageWidth) + 0.5f, py = v * float(this->ImageHeight) + 0.5f;
+  const int x = std::min(int(px), this->ImageWidth), y = std::min(int(py), this->ImageHeight);
+  tx = px - float(x);
+  ty = py - float(y);
+  return std::size_t(y) * (std::size_t(this->ImageWidth) + 2) + std::size_t(x);
 }
 
-Vec3f LightSampler::SkyAt(float u, float v) const noexcept
+void LightSampler::PrefetchSky(const Vec3f& d) const noexcept
 {
-  const float x = u * float(this->ImageWidth) - 0.5f, y = v * float(this->ImageHeight) - 0.5f;
-  const float fx = std::floor(x), fy = std::floor(y), tx = x - fx, ty = y - fy;
-  const int w = this->ImageWidth, h = this->ImageHeight;
-  const int x0 = ((int(fx) % w) + w) % w, x1 = (x0 + 1) % w;
-  const int y0 = std::max(0, std::min(h - 1, int(fy))), y1 = std::max(0, std::min(h - 1, int(fy) + 1));
-  const Vec3f a = this->Texel(x0, y0) * (1 - tx) + this->Texel(x1, y0) * tx;
-  const Vec3f b = this->Texel(x0, y1) * (1 - tx) + this->Texel(x1, y1) * tx;
-  return this->SkyColor * (a * (1 - ty) + b * ty);
+  if (this->ImageWidth == 0 || !this->SkyPresent || !IsFinite(d))
+    return;
+  float tx, ty;
+  const SkyTexel* a = &this->Image[this->SkyPlace(d, tx, ty)];
+  __builtin_prefetch(a);
+  __builtin_prefetch(a + this->ImageWidth + 2);
 }
 
-float LightSampler::SkyPdfAt(float u, float v) const noexcept
+/// Radiance, and density among the picks of the environment, where it is an image and `d` finite.
+Vec3f LightSampler::SkyLookup(const Vec3f& d, float& density) const noexcept
 {
-  const int w = this->ImageWidth, h = this->ImageHeight;
-  const int x = std::max(0, std::min(w - 1, int(u * float(w)))), y = std::max(0, std::min(h - 1, int(v * float(h))));
-  const float chance = this->Levels[0].Chance[std::size_t(y) * std::size_t(w) + std::size_t(x)];
-  return this->SkyPick * chance * float(w) / (2 * Pi * RowBand(y, h));
+  float tx, ty;
+  const SkyTexel* a = &this->Image[this->SkyPlace(d, tx, ty)];
+  const SkyTexel* b = a + this->ImageWidth + 2;
+  density = (ty < 0.5f ? a : b)[tx < 0.5f ? 0 : 1].Density; // the nearest of the four
+  const float wa = (1 - tx) * (1 - ty), wb = tx * (1 - ty), wc = (1 - tx) * ty, wd = tx * ty;
+  Vec3f sum;
+  for (int c = 0; c < 3; ++c)
+    sum[c] = (a[0].Radiance[c] * wa + a[1].Radiance[c] * wb) + (b[0].Radiance[c] * wc + b[1].Radiance[c] * wd);
+  return sum;
+}
+
+Vec3f LightSampler::SkyAndPdf(const Vec3f& d, float& pdf) const noexcept
+{
+  pdf = 0;
+  if (!this->SkyPresent)
+    return {};
+  if (this->ImageWidth == 0)
+  {
+    pdf = this->SkyPick / (4 * Pi);
+    return this->SkyColor;
+  }
+  if (!IsFinite(d))
+    return {};
+  const Vec3f radiance = this->SkyLookup(d, pdf);
+  pdf *= this->SkyPick;
+  return radiance;
 }
 
 Vec3f LightSampler::Sky(const Vec3f& d) const noexcept
 {
-  if (!this->SkyPresent)
-    return {};
-  if (this->ImageWidth == 0)
-    return this->SkyColor;
-  if (!IsFinite(d))
-    return {};
-  float u, v;
-  this->SkyTexture(d, u, v);
-  return this->SkyAt(u, v);
+  float pdf;
+  return this->SkyAndPdf(d, pdf);
 }
 
 float LightSampler::SkyPdf(const Vec3f& d) const noexcept
 {
-  if (!(this->SkyPick > 0))
-    return 0;
-  if (this->ImageWidth == 0)
-    return this->SkyPick / (4 * Pi);
-  if (!IsFinite(d))
-    return 0;
-  float u, v;
-  this->SkyTexture(d, u, v);
-  return this->SkyPdfAt(u, v);
+  float pdf;
+  this->SkyAndPdf(d, pdf);
+  return pdf;
 }
 
 bool LightSampler::Draw(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept
@@ -361,7 +543,7 @@ bool LightSampler::Draw(const Receiver& at, float pick, float u, float v, Sample
     const PlacedLight& l = this->Punctual[this->LocalPunctual + Find(this->DistantCdf, x)];
     return this->DrawPunctual(l, at.Position, l.Pick, out);
   }
-  return this->SkyPick > 0 && this->DrawSky(pick, u, v, out);
+  return this->SkyPick > 0 && this->DrawSky(at, pick, u, v, out);
 }
 
 bool LightSampler::DrawLocal(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept
@@ -466,68 +648,77 @@ bool LightSampler::DrawPunctual(const PlacedLight& l, const Vec3f& at, float pdf
   return pdf > 0 && k > 0 && IsFinite(out.Emission);
 }
 
-bool LightSampler::DrawSky(float pick, float u, float v, Sample& out) const noexcept
+std::size_t LightSampler::PickRow(double v) const noexcept
+{
+  const std::uint32_t* rows = &this->RowGuide[std::size_t(v * this->RowParts)];
+  return FindGuided(rows[0], rows[1], [this, v](std::uint32_t i) { return this->Rows[i].Lower <= v; });
+}
+
+void LightSampler::PrefetchDraw(float pick, float u, float v) const noexcept
+{
+  if (pick < this->DistantEnd || this->Rows.empty() || !(u >= 0 && u < 1 && v >= 0 && v < 1))
+    return;
+  __builtin_prefetch(this->PartOf(this->PickRow(double(v)), std::uint32_t(double(u) * double(ColumnSteps))));
+}
+
+bool LightSampler::DrawSky(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept
 {
   out.Kind = Sample::From::Sky;
   out.AtInfinity = true;
   out.Textured = false;
   if (this->ImageWidth == 0)
   {
-    const float z = 1 - 2 * u, r = std::sqrt(std::max(0.f, 1 - z * z)), phi = 2 * Pi * v;
-    out.Wi = { r * std::cos(phi), z, r * std::sin(phi) };
-    out.Emission = this->SkyColor;
-    out.Pdf = this->SkyPick / (4 * Pi);
+    const float z = 1 - 2 * u, r = std::sqrt(std::max(0.f, 1 - z * z));
+    float sine, cosine;
+    SinCosTurn(v, sine, cosine);
+    out.Wi = { r * cosine, z, r * sine };
   }
   else
   {
-    // Down the pyramid: first the half, then the column (Clarberg et al. 2005).
-    double s = double(u) + Fraction(pick, v), t = double(v) + Fraction(pick, u);
-    std::size_t x = 0, y = 0;
-    for (std::size_t l = this->Levels.size() - 1; l-- > 0;)
+    double s, t;
+    Extend(pick, u, v, s, t);
+    const std::size_t y = this->PickRow(t);
+    const SkyRow& row = this->Rows[y];
+    t = (t - row.Lower) / (this->Rows[y + 1].Lower - row.Lower);
+
+    const std::size_t w = std::size_t(this->ImageWidth);
+    s *= double(ColumnSteps);
+    const std::uint32_t step = std::uint32_t(s);
+    const ColumnPart& part = *this->PartOf(y, step);
+    std::size_t x = part.First;
+    const std::uint32_t* ends = part.Ends;
+    if (step < part.Ends[6])
     {
-      const Level& level = this->Levels[l];
-      const std::size_t w = std::size_t(level.Width), h = std::size_t(level.Height);
-      x *= 2;
-      y *= 2;
-      const bool right = x + 1 < w, below = y + 1 < h;
-      const float* c = &level.Chance[y * w + x];
-      const double a = double(c[0]), b = right ? double(c[1]) : 0., d = below ? double(c[w]) : 0.,
-                   e = right && below ? double(c[w + 1]) : 0.;
-      const double top = (a + b) / ((a + b) + (d + e));
-      double left;
-      if (t < top)
-      {
-        t /= top;
-        left = a / (a + b);
-      }
-      else
-      {
-        t = (t - top) / (1 - top);
-        ++y;
-        left = d / (d + e);
-      }
-      t = std::min(BelowOne, t);
-      if (s < left)
-        s /= left;
-      else
-      {
-        s = (s - left) / (1 - left);
-        ++x;
-      }
-      s = std::min(BelowOne, s);
+      unsigned i = 0;
+      for (int k = 1; k < 6; ++k)
+        i += unsigned(part.Ends[k] <= step);
+      ends += i;
+      x += i;
     }
+    else
+    {
+      const std::uint32_t* columns = &this->Columns[y * (w + 1)];
+      x = FindGuided(
+        std::uint32_t(x) + 6, (&part)[1].First, [columns, step](std::uint32_t i) { return columns[i] <= step; });
+      ends = columns + x;
+    }
+    const SkyTexel* texel = &this->Image[(y + 1) * (w + 2) + x + 1];
+    __builtin_prefetch(texel);
+    __builtin_prefetch(t < 0.5 ? texel - (w + 2) : texel + (w + 2));
+    s = (s - double(ends[0])) / double(ends[1] - ends[0]);
+
     // uniform in solid angle within the texel
-    const double w = this->ImageWidth, h = this->ImageHeight;
-    const double cosTheta = std::cos(M_PI * double(y) / h) - double(RowBand(int(y), this->ImageHeight)) * t;
-    const double sinTheta = std::sqrt(std::max(0., (1 - cosTheta) * (1 + cosTheta)));
-    const float phi = 2 * Pi * (float((double(x) + s) / w) - 0.5f);
-    out.Wi = { float(sinTheta) * std::sin(phi), float(cosTheta), -float(sinTheta) * std::cos(phi) };
-    float tu, tv;
-    this->SkyTexture(out.Wi, tu, tv);
-    out.Emission = this->SkyAt(tu, tv);
-    out.Pdf = this->SkyPdfAt(tu, tv);
+    const double cosTheta = row.Top - row.Band * t;
+    const float sinTheta = float(std::sqrt(std::max(0., (1 - cosTheta) * (1 + cosTheta))));
+    float sine, cosine;
+    SinCosTurn(float((double(x) + s) / double(w)), sine, cosine);
+    out.Wi = { -sinTheta * sine, float(cosTheta), sinTheta * cosine };
   }
+  // Light from behind is of no use; the margin is for other ways of rounding.
+  if (!at.BothSides && Dot(at.Normal, out.Wi) < -1e-4f)
+    return false;
   out.Target = out.Wi;
+  out.Emission = this->SkyAndPdf(out.Wi, out.Pdf);
   return out.Pdf > 0;
 }
 }

@@ -54,6 +54,8 @@ enum class LightSelection
 ///  - directional lights (pi R^2 E, R the scene's radius), by power;
 ///  - the environment (pi R^2 times the integral of its luminance): uniform where it is constant; else by texel, in
 ///    proportion to luminance x solid angle with 1/32 uniform, so that what is dark next to a sun of 1e30 is met, too.
+///    A row by v, then a column by u, by indexed search (Chen & Asau 1974): monotone in both, so that stratified
+///    numbers stay stratified on the sphere. Directions below the horizon of a receiver are not returned.
 ///
 /// Groups share the picks evenly, except that an environment with less than a hundredth of all power gets less, down to
 /// a tenth of its part. Power knows no walls: with half of the picks shared by power, a lamp in a room under a sky had
@@ -102,7 +104,8 @@ public:
   /// Lights that a BSDF sample can hit.
   bool HasHittable() const noexcept { return this->SkyPresent || !this->Triangles.empty(); }
 
-  /// A light sample for `at`. False: nothing (also for a light seen edge-on or from behind).
+  /// A light sample for `at`. False: nothing (also for a light seen edge-on or from behind, and for a direction to the
+  /// environment from behind `at`).
   bool Draw(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept;
 
   /// Density with which Draw makes a direction from `at` to a point of the light `distance2` away that is seen under
@@ -117,7 +120,15 @@ public:
     return pdf > 0 ? pdf : 0; // also for NaN
   }
   float SkyPdf(const Vec3f& direction) const noexcept;
+  /// Radiance of the environment, bilinear. Longitude and latitude are exact to 1e-7 turns.
   Vec3f Sky(const Vec3f& direction) const noexcept;
+  /// Sky(direction), and SkyPdf(direction) in `pdf`: the same bits for the price of one.
+  Vec3f SkyAndPdf(const Vec3f& direction, float& pdf) const noexcept;
+
+  /// Hints, some ten draws or look-ups ahead of Draw with these numbers and of Sky, SkyPdf or SkyAndPdf: what they are
+  /// going to read comes into the cache meanwhile. Change nothing.
+  void PrefetchDraw(float pick, float u, float v) const noexcept;
+  void PrefetchSky(const Vec3f& direction) const noexcept;
 
   const std::vector<LightTriangle>& GetTriangles() const { return this->Triangles; }
   /// Those at a place first, then the directional ones.
@@ -136,15 +147,10 @@ public:
 private:
   double BuildSky(const Scene& scene);
   bool DrawLocal(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept;
-  bool DrawSky(float pick, float u, float v, Sample& out) const noexcept;
-  void SkyTexture(const Vec3f& direction, float& u, float& v) const noexcept;
-  Vec3f SkyAt(float u, float v) const noexcept;
-  float SkyPdfAt(float u, float v) const noexcept;
-  Vec3f Texel(int x, int y) const noexcept
-  {
-    const float* t = &this->Image[3 * (std::size_t(y) * this->ImageWidth + x)];
-    return { t[0], t[1], t[2] };
-  }
+  bool DrawSky(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept;
+  Vec3f SkyLookup(const Vec3f& direction, float& density) const noexcept;
+  std::size_t SkyPlace(const Vec3f& direction, float& tx, float& ty) const noexcept;
+  std::size_t PickRow(double v) const noexcept;
 
   LightSelection Selection = LightSelection::Auto;
   std::vector<LightTriangle> Triangles;
@@ -158,15 +164,63 @@ private:
   bool SkyPresent = false;
   Vec3f SkyColor;
   int ImageWidth = 0, ImageHeight = 0; ///< 0: constant
-  std::vector<float> Image;
-  /// Chances of the texels, then of 2 x 2 of them, and so on up to 1. (Differences of a running sum would lose the
-  /// texels that are 1e-7 of it.)
-  struct Level
+  /// Large tables go to large pages where the system has any: they are read all over, and looking up the page costs as
+  /// much as the read.
+  template <class T>
+  struct TableAllocator
   {
-    int Width = 0, Height = 0;
-    std::vector<float> Chance;
+    using value_type = T;
+    TableAllocator() = default;
+    template <class U>
+    TableAllocator(const TableAllocator<U>&) noexcept
+    {
+    }
+    T* allocate(std::size_t n) { return static_cast<T*>(AllocateTable(n, sizeof(T))); }
+    void deallocate(T* p, std::size_t n) noexcept { FreeTable(p, n * sizeof(T)); }
+    bool operator==(const TableAllocator&) const noexcept { return true; }
+    bool operator!=(const TableAllocator&) const noexcept { return false; }
   };
-  std::vector<Level> Levels;
+  template <class T>
+  using Table = std::vector<T, TableAllocator<T>>;
+  static void* AllocateTable(std::size_t count, std::size_t size);
+  static void FreeTable(void* table, std::size_t bytes) noexcept;
+
+  /// One read yields radiance and density, and neighbours share cache lines.
+  struct alignas(16) SkyTexel
+  {
+    float Radiance[3] = {};
+    float Density = 0; ///< per solid angle, among all picks of the environment
+  };
+  Table<SkyTexel> Image; ///< with a border: columns go around, rows repeat
+  /// Rows by chance. Each has an end of its own besides, rows have one more.
+  struct SkyRow
+  {
+    double Lower = 0; ///< lower end of the chances
+    double Top = 0;   ///< cosine at the upper edge
+    double Band = 0;  ///< what the cosine loses down to the lower edge
+  };
+  std::vector<SkyRow> Rows; ///< empty: black
+  /// Lower ends of the columns' chances in their row, and the last one's upper end, in steps of 1 / ColumnSteps.
+  /// Whatever is lost by rounding, all have a step at least, and the densities are those of the steps.
+  Table<std::uint32_t> Columns;
+  static constexpr std::uint32_t ColumnSteps = 0xffffffffu;
+  /// Where to begin the search, for equal parts of [0, 1]: the last row that starts at or before it; one entry more,
+  /// the last row.
+  std::vector<std::uint32_t> RowGuide;
+  /// The same for columns, 2^(32 - ColumnShift) parts and one more for each row. A copy of the first ends makes
+  /// the second read rare.
+  struct alignas(32) ColumnPart
+  {
+    std::uint32_t First = 0;
+    std::uint32_t Ends[7] = {}; ///< of columns First, First + 1, ...; beyond the row's end its last again
+  };
+  Table<ColumnPart> ColumnGuide;
+  int RowParts = 0, ColumnShift = 0;
+  const ColumnPart* PartOf(std::size_t row, std::uint32_t step) const noexcept
+  {
+    const std::size_t parts = std::size_t(std::uint64_t(1) << (32 - this->ColumnShift)) + 1;
+    return &this->ColumnGuide[row * parts + std::size_t(std::uint64_t(step) >> this->ColumnShift)];
+  }
 };
 }
 
