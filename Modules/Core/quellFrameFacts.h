@@ -26,7 +26,7 @@ struct VTKQUELLCORE_EXPORT FrameFacts
   long long Seed = 0;
   int SamplesPerPixel = 0; ///< spent on this frame
   std::string Partial;     ///< "312 of 4096 samples": the frame was finished early; empty: it is complete
-  std::string Scene; ///< content hash of what was rendered; empty: unknown
+  std::string Scene;       ///< content hash of what was rendered; empty: unknown
 
   /// Missing entries leave the defaults.
   static FrameFacts Read(vtkFieldData* data);

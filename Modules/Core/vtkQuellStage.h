@@ -63,10 +63,10 @@ struct StageCounters
 /// Where a stage that samples is; a snapshot of the last whole pass.
 struct SamplingStatus
 {
-  int Samples = 0, Target = 0;       ///< per pixel; Target 0: the stage does not sample
-  int Begun = 0;                     ///< of Samples, those that were there when the execution began
-  double SamplesPerSecond = 0;       ///< of all pixels together; 0: not known yet
-  double Noise = -1;                 ///< median over pixels with noise: standard error / mean of luminance; -1: unknown
+  int Samples = 0, Target = 0; ///< per pixel; Target 0: the stage does not sample
+  int Begun = 0;               ///< of Samples, those that were there when the execution began
+  double SamplesPerSecond = 0; ///< of all pixels together; 0: not known yet
+  double Noise = -1;           ///< median over pixels with noise: standard error / mean of luminance; -1: unknown
 };
 
 /// When frames happen: tick t is at scene time t / Rate; ticks run over [First, First + Count).

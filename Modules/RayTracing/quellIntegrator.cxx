@@ -102,6 +102,7 @@ struct Integrator::Batch
   } Starts[Wavefront::Width];
   Vec3f Bounces[BouncePool];
   std::uint32_t Keys[Wavefront::Width];
+  bool Lightable[Wavefront::Width]; ///< rows that light samples may be of use to
   EmbreeScene::Context Context;
   TraceCounters* Counters = nullptr;
 
@@ -293,6 +294,7 @@ void Integrator::Render(Film& film, const Rect& part, int first, int count, Trac
         live.Tr[i] = live.Tg[i] = live.Tb[i] = 1;
         live.Sr[i] = live.Sg[i] = live.Sb[i] = 1;
         live.EtaScale[i] = 1;
+        live.Skipped[i] = 0;
         live.Flags[i] =
           Wavefront::DeltaBit | (b.Guides ? Wavefront::GuidesBit : 0) | (b.Distance ? Wavefront::DistanceBit : 0);
         b.Samples[i] = PathSample();
@@ -448,6 +450,43 @@ void Integrator::Emit(Batch& b, int i, const SurfaceHit& hit, const Vec3f& emiss
     b.Samples[path].Emission += b.Throughput(i) * unlit;
 }
 
+/// Light samples of the rows that are alive and reflect anything.
+void Integrator::DrawLights(Batch& b) const noexcept
+{
+  const EmbreeScene& scene = *this->Scene;
+  Wavefront& w = b.W;
+  if (b.PickTriangles)
+  {
+    WavefrontAccess::PickTriangles(scene, w);
+    lanes::DrawTriangles(w);
+  }
+  else
+    for (int i = 0; i < w.Count; ++i)
+    {
+      w.LightFlags[i] = 0;
+      if (!w.Alive[i] || !b.Lightable[i])
+        continue;
+      const Receiver here{ { w.Px[i], w.Py[i], w.Pz[i] }, { w.Sx[i], w.Sy[i], w.Sz[i] }, false };
+      LightSampler::Sample s;
+      if (!scene.DrawLight(here, w.Live.Time[i], w.Random[2 * PairLightPick][i], w.Random[2 * PairLightPoint][i],
+            w.Random[2 * PairLightPoint + 1][i], s))
+        continue;
+      const Vec3f emission = s.Textured ? scene.LightEmission(s) : s.Emission;
+      w.Wx[i] = s.Wi.x;
+      w.Wy[i] = s.Wi.y;
+      w.Wz[i] = s.Wi.z;
+      w.Lx[i] = s.Target.x;
+      w.Ly[i] = s.Target.y;
+      w.Lz[i] = s.Target.z;
+      w.Er[i] = emission.x;
+      w.Eg[i] = emission.y;
+      w.Eb[i] = emission.z;
+      w.LightPdf[i] = s.Pdf;
+      w.LightFlags[i] = Wavefront::LightDrawn | (s.AtInfinity ? Wavefront::LightAtInfinity : 0) |
+                        (s.Kind != LightSampler::Sample::From::Punctual ? Wavefront::LightHittable : 0);
+    }
+}
+
 /// Everything between two segments for paths among diffuse surfaces. All have scattered `depth` times.
 void Integrator::DiffuseVertices(Batch& b, int depth) const noexcept
 {
@@ -518,36 +557,9 @@ void Integrator::DiffuseVertices(Batch& b, int depth) const noexcept
   if (lights)
   {
     this->DrawBounce(b, depth, PairLightPoint);
-    if (b.PickTriangles)
-    {
-      WavefrontAccess::PickTriangles(scene, w);
-      lanes::DrawTriangles(w);
-    }
-    else
-      for (int i = 0; i < w.Count; ++i)
-      {
-        w.LightFlags[i] = 0;
-        if (!w.Alive[i] || !(w.Ar[i] > 0 || w.Ag[i] > 0 || w.Ab[i] > 0))
-          continue;
-        const Receiver here{ { w.Px[i], w.Py[i], w.Pz[i] }, { w.Sx[i], w.Sy[i], w.Sz[i] }, false };
-        LightSampler::Sample s;
-        if (!scene.DrawLight(here, w.Live.Time[i], w.Random[2 * PairLightPick][i], w.Random[2 * PairLightPoint][i],
-              w.Random[2 * PairLightPoint + 1][i], s))
-          continue;
-        const Vec3f emission = s.Textured ? scene.LightEmission(s) : s.Emission;
-        w.Wx[i] = s.Wi.x;
-        w.Wy[i] = s.Wi.y;
-        w.Wz[i] = s.Wi.z;
-        w.Lx[i] = s.Target.x;
-        w.Ly[i] = s.Target.y;
-        w.Lz[i] = s.Target.z;
-        w.Er[i] = emission.x;
-        w.Eg[i] = emission.y;
-        w.Eb[i] = emission.z;
-        w.LightPdf[i] = s.Pdf;
-        w.LightFlags[i] = Wavefront::LightDrawn | (s.AtInfinity ? Wavefront::LightAtInfinity : 0) |
-                          (s.Kind != LightSampler::Sample::From::Punctual ? Wavefront::LightHittable : 0);
-      }
+    for (int i = 0; i < w.Count; ++i)
+      b.Lightable[i] = w.Ar[i] > 0 || w.Ag[i] > 0 || w.Ab[i] > 0;
+    this->DrawLights(b);
     lanes::LightDiffuse(w, this->Sampling == Strategy::Mis);
     b.Counters->Rays += WavefrontAccess::Occlude(scene, b.Context, w, nullptr, b.Counters->Record);
     for (int i = 0; i < w.Count; ++i)
@@ -565,6 +577,100 @@ void Integrator::DiffuseVertices(Batch& b, int depth) const noexcept
   this->DrawBounce(b, depth, PairBsdf);
   lanes::ScatterDiffuse(w, gambles);
   lanes::Close(w, Wavefront::DiffuseRows);
+}
+
+/// Everything between two segments for paths among opaque surfaces, `depth` scatterings (perfect mirrors count) on.
+void Integrator::OpaqueVertices(Batch& b, int depth) const noexcept
+{
+  const EmbreeScene& scene = *this->Scene;
+  Wavefront& w = b.W;
+  Wavefront::State& live = w.Live;
+  const bool last = depth == this->MaximumBounces;
+  SurfaceHit hit;
+  for (int e = 0; e < w.Emitters && b.AnyLight; ++e)
+  {
+    const int i = int(w.Emitter[e]);
+    WavefrontAccess::Hit(scene, w, i, false, hit);
+    Vec3f unlit;
+    if ((live.Flags[i] & Wavefront::SmoothMask) == 0)
+    {
+      float roughness;
+      WavefrontAccess::Resolve(scene, hit, roughness, unlit);
+    }
+    this->Emit(b, i, hit, WavefrontAccess::Emission(scene, hit), unlit);
+  }
+  bool lights = false, any = false;
+  const bool sampled = !scene.NoLights() && this->Sampling != Strategy::BsdfOnly;
+  for (int i = 0; i < w.Count; ++i)
+  {
+    if (!w.Alive[i])
+      continue;
+    std::uint32_t flags = live.Flags[i];
+    const int smooth = int(flags & Wavefront::SmoothMask);
+    PathSample& out = b.Samples[live.Path[i]];
+    if ((flags & Wavefront::DistanceBit) && smooth == 1)
+    {
+      out.HitDistance = w.T[i];
+      flags &= ~Wavefront::DistanceBit;
+    }
+    const Vec3f wo = -b.Direction(i);
+    if (flags & Wavefront::GuidesBit)
+    {
+      WavefrontAccess::Hit(scene, w, i, false, hit);
+      SurfacePoint point;
+      scene.Shade(hit, -wo, point);
+      // the last vertex seen so far stays, should the chain of mirrors end early
+      out.Guide(point, Dot(point.Normals.Shading, wo));
+      if (!point.Material.IsPureDelta())
+        flags &= ~Wavefront::GuidesBit;
+    }
+    live.Flags[i] = flags;
+    const bool pending = (flags & (Wavefront::GuidesBit | Wavefront::DistanceBit)) != 0;
+    if (last || !((b.AnyLight && smooth <= b.Deepest) || pending))
+    {
+      w.Alive[i] = 0;
+      continue;
+    }
+    any = true;
+    b.Lightable[i] = sampled && b.Wanted[std::min(smooth + 1, 2)];
+    lights = lights || b.Lightable[i];
+  }
+  if (!any)
+  {
+    w.Count = 0;
+    return;
+  }
+  WavefrontAccess::Values(scene, w);
+  lanes::PrepareOpaque(w);
+  const bool gambles = depth >= this->RouletteStart;
+  if (lights || gambles)
+    this->DrawBounce(b, depth, PairLightPick);
+  if (lights)
+  {
+    this->DrawBounce(b, depth, PairLightPoint);
+    for (int i = 0; i < w.Count; ++i)
+    {
+      const std::uint32_t lobes = w.Opaque.Lobes[i];
+      b.Lightable[i] =
+        b.Lightable[i] && ((lobes & Wavefront::HasDiffuse) ||
+                            (lobes & (Wavefront::HasSpecular | Wavefront::SpecularIsDelta)) == Wavefront::HasSpecular);
+    }
+    this->DrawLights(b);
+    if (b.PickTriangles)
+      for (int i = 0; i < w.Count; ++i)
+        if (!w.Alive[i] || !b.Lightable[i])
+          w.LightFlags[i] = 0;
+    lanes::LightOpaque(w, this->Sampling == Strategy::Mis);
+    b.Counters->Rays += WavefrontAccess::Occlude(scene, b.Context, w, nullptr, b.Counters->Record);
+    for (int i = 0; i < w.Count; ++i)
+      if (w.Lit[i])
+        b.Add(live.Path[i], int(live.Flags[i] & Wavefront::SmoothMask) + 1, { w.Cr[i], w.Cg[i], w.Cb[i] },
+          { w.Br[i], w.Bg[i], w.Bb[i] });
+  }
+  this->DrawBounce(b, depth, PairBsdf);
+  this->DrawBounce(b, depth, PairLobe);
+  lanes::ScatterOpaque(w, b.Deepest, gambles, depth + 1 == this->MaximumBounces && !scene.HasHittable());
+  lanes::Close(w, Wavefront::AllRows);
 }
 
 /// Everything at the vertex of one path but the shadow ray, which is left in the row's columns; false: the path ends.
@@ -593,8 +699,9 @@ bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
     float length;
     if (scene.Attenuation(hit, color, length))
     {
+      const float inside = hit.T + live.Skipped[i];
       for (int c = 0; c < 3; ++c)
-        throughput[c] *= color[c] > 0 ? std::pow(color[c], hit.T / length) : 0;
+        throughput[c] *= color[c] > 0 ? std::pow(color[c], inside / length) : 0;
       live.Tr[i] = throughput.x;
       live.Tg[i] = throughput.y;
       live.Tb[i] = throughput.z;
@@ -723,6 +830,8 @@ bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
   live.Dx[i] = s.Wi.x;
   live.Dy[i] = s.Wi.y;
   live.Dz[i] = s.Wi.z;
+  // no more than 64 offsets, for rays that graze
+  live.Skipped[i] = hit.Offset / std::max(std::fabs(Dot(normals.Geometric, s.Wi)), 1.f / 64);
   live.Tr[i] = throughput.x;
   live.Tg[i] = throughput.y;
   live.Tb[i] = throughput.z;
@@ -748,7 +857,7 @@ void Integrator::Run(Batch& b) const noexcept
     WavefrontAccess::Intersect(scene, b.Context, w, keyed ? keys(2 * std::uint32_t(depth)) : nullptr, counters.Record);
     counters.Rays += w.Count;
     WavefrontAccess::Fetch(scene, w);
-    if (depth < this->MaximumBounces)
+    if (depth < this->MaximumBounces && (Features::Diffuse || Features::Layers))
       WavefrontAccess::Prefetch(scene, w);
     lanes::Locate(w);
     WavefrontAccess::Straighten(scene, w);
@@ -760,6 +869,11 @@ void Integrator::Run(Batch& b) const noexcept
     if (Features::Diffuse)
     {
       this->DiffuseVertices(b, depth);
+      continue;
+    }
+    if (!Features::Layers)
+    {
+      this->OpaqueVertices(b, depth);
       continue;
     }
     if (depth < this->MaximumBounces && (b.AnyLight || b.Guides || b.Distance))

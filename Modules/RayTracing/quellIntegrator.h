@@ -93,7 +93,9 @@ private:
   void Emit(Batch& batch, int row, const SurfaceHit& hit, const Vec3f& emission, const Vec3f& unlit) const noexcept;
   template <class Features>
   bool Scatter(Batch& batch, int row, int depth) const noexcept;
+  void DrawLights(Batch& batch) const noexcept;
   void DiffuseVertices(Batch& batch, int depth) const noexcept;
+  void OpaqueVertices(Batch& batch, int depth) const noexcept;
 };
 }
 

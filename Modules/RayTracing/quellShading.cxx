@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace quell
 {
@@ -115,7 +116,7 @@ bool EmbreeScene::Attenuation(const SurfaceHit& hit, Vec3f& color, float& distan
 }
 
 void WavefrontAccess::Normals(
-  const EmbreeScene& scene, const SurfaceHit& hit, const Vec3f& wo, ShadingNormals& normals) noexcept
+  const EmbreeScene& scene, const SurfaceHit& hit, const Vec3f& wo, ShadingNormals& normals, const Vec4f* bump) noexcept
 {
   const EmbreeScene::Part& part = scene.Parts[hit.Geometry];
   const Material& m = scene.Source->Materials[std::size_t(part.Material)];
@@ -129,9 +130,9 @@ void WavefrontAccess::Normals(
       smooth = Dot(w, ng) < 0 ? -w : w;
   }
   // The tangent-space normal of a map, around `n`.
-  const auto mapped = [&](const Vec3f& around, const TextureUse& use, float scale)
+  const auto mapped = [&](const Vec3f& around, const TextureUse& use, float scale, const Vec4f* known)
   {
-    const Vec4f s = scene.Lookup(part, hit.Primitive, hit.U, hit.V, use);
+    const Vec4f s = known ? *known : scene.Lookup(part, hit.Primitive, hit.U, hit.V, use);
     const Vec3f local{ (2 * s.x - 1) * scale, (2 * s.y - 1) * scale, 2 * s.z - 1 };
     Vec3d t;
     double handed = 1;
@@ -165,11 +166,12 @@ void WavefrontAccess::Normals(
   normals.Front = hit.Front;
   normals.Geometric = ng;
   const bool map = part.Textured && m.NormalTexture.Texture >= 0;
-  normals.Shading = Adapted(map ? mapped(smooth, m.NormalTexture, m.NormalScale) : smooth, ng, wo);
+  normals.Shading = Adapted(map ? mapped(smooth, m.NormalTexture, m.NormalScale, bump) : smooth, ng, wo);
   normals.Coat = Vec3f();
   if (m.Clearcoat > 0 && (map || m.ClearcoatNormalTexture.Texture >= 0))
-    normals.Coat = Adapted(
-      m.ClearcoatNormalTexture.Texture >= 0 ? mapped(smooth, m.ClearcoatNormalTexture, m.ClearcoatNormalScale) : smooth,
+    normals.Coat = Adapted(m.ClearcoatNormalTexture.Texture >= 0
+                             ? mapped(smooth, m.ClearcoatNormalTexture, m.ClearcoatNormalScale, nullptr)
+                             : smooth,
       ng, wo);
 }
 
@@ -190,9 +192,161 @@ void WavefrontAccess::Prefetch(const EmbreeScene& scene, const Wavefront& w) noe
       if (use->Texture >= 0 && use->TexCoord == 0)
       {
         const Vec2f t = Placed(*use, at);
-        scene.Source->Textures[std::size_t(use->Texture)].Prefetch(t.x, t.y);
+        const Texture& texture = scene.Source->Textures[std::size_t(use->Texture)];
+        if (texture.IsUsable())
+          texture.Prefetch(texture.Place(t.x, t.y));
       }
   }
+}
+
+/// Textures at one point: coordinates are made once, and the place in the texture for all textures of one kind.
+class WavefrontAccess::TexCoords
+{
+public:
+  TexCoords() = default;
+  TexCoords(const EmbreeScene& scene, std::uint32_t geometry, std::uint32_t primitive, float u, float v) noexcept
+    : Scene(&scene)
+    , Part(&scene.Parts[geometry])
+    , Primitive(primitive)
+    , U(u)
+    , V(v)
+  {
+  }
+  Vec4f Look(const TextureUse& use) noexcept
+  {
+    const Texture& texture = this->Scene->Source->Textures[std::size_t(use.Texture)];
+    return texture.IsUsable() ? texture.Read(this->Place(texture, use)) : Vec4f();
+  }
+  void Prefetch(const TextureUse& use) noexcept
+  {
+    if (use.Texture < 0)
+      return;
+    const Texture& texture = this->Scene->Source->Textures[std::size_t(use.Texture)];
+    if (texture.IsUsable())
+      texture.Prefetch(this->Place(texture, use));
+  }
+
+private:
+  const Texture::Footprint& Place(const Texture& texture, const TextureUse& use) noexcept
+  {
+    if (this->Known && this->Known->SharesPlaces(texture) && this->KnownUse->TexCoord == use.TexCoord &&
+        std::memcmp(this->KnownUse->Transform, use.Transform, sizeof use.Transform) == 0)
+      return this->Print;
+    const int set = use.TexCoord == 1 ? 1 : 0;
+    if (!this->Made[set])
+    {
+      this->At[set] = this->Scene->TexCoord(*this->Part, this->Primitive, this->U, this->V, set);
+      this->Made[set] = true;
+    }
+    const Vec2f t = Placed(use, this->At[set]);
+    this->Print = texture.Place(t.x, t.y);
+    this->Known = &texture;
+    this->KnownUse = &use;
+    return this->Print;
+  }
+
+  const EmbreeScene* Scene = nullptr;
+  const EmbreeScene::Part* Part = nullptr;
+  std::uint32_t Primitive = 0;
+  float U = 0, V = 0;
+  Vec2f At[2];
+  bool Made[2] = { false, false };
+  const Texture* Known = nullptr;
+  const TextureUse* KnownUse = nullptr;
+  Texture::Footprint Print;
+};
+
+void WavefrontAccess::Values(const EmbreeScene& scene, Wavefront& w) noexcept
+{
+  constexpr int ahead = 16; // rows between asking for texels and reading them
+  TexCoords places[ahead];
+  const auto announce = [&](int i)
+  {
+    if (!w.Alive[i] || !(w.Material[i] & Varies))
+      return;
+    const Material& m = scene.Source->Materials[std::size_t(scene.Parts[w.Geometry[i]].Material)];
+    TexCoords& at = places[i % ahead];
+    at = TexCoords(scene, w.Geometry[i], w.Primitive[i], w.U[i], w.V[i]);
+    for (const TextureUse* use : { &m.BaseColorTexture, &m.MetallicRoughnessTexture, &m.NormalTexture })
+      at.Prefetch(*use);
+  };
+  for (int i = 0; w.Varies && i < ahead && i < w.Count; ++i)
+    announce(i);
+  Wavefront::OpaqueColumns& o = w.Opaque;
+  SurfaceHit hit;
+  bool bends = false;
+  for (int i = 0; i < w.Count; ++i)
+  {
+    if (w.Alive[i])
+    {
+      const EmbreeScene::Part& part = scene.Parts[w.Geometry[i]];
+      const Material& m = scene.Source->Materials[std::size_t(part.Material)];
+      w.Material[i] |= (m.Unlit ? Unlit : 0u) | (m.MultipleScattering ? 0u : Single);
+      Vec3f base = m.BaseColor, tint = m.SpecularColor;
+      float metallic = m.Metallic, roughness = m.Roughness, specular = m.Specular;
+      Vec4f bump;
+      const bool bumps = part.Textured && m.NormalTexture.Texture >= 0;
+      if (!part.Plain)
+      {
+        TexCoords& at = places[i % ahead];
+        if (m.BaseColorTexture.Texture >= 0)
+          base *= at.Look(m.BaseColorTexture).xyz();
+        if (!part.Geometry->Colors.empty())
+          base *= scene.VertexColor(part, w.Primitive[i], w.U[i], w.V[i]).xyz();
+        if (m.MetallicRoughnessTexture.Texture >= 0)
+        {
+          const Vec4f t = at.Look(m.MetallicRoughnessTexture);
+          roughness *= t.y;
+          metallic *= t.z;
+        }
+        if (bumps)
+          bump = at.Look(m.NormalTexture);
+        if (m.SpecularTexture.Texture >= 0)
+          specular *= at.Look(m.SpecularTexture).w;
+        if (m.SpecularColorTexture.Texture >= 0)
+          tint *= at.Look(m.SpecularColorTexture).xyz();
+      }
+      o.Base[0][i] = base.x;
+      o.Base[1][i] = base.y;
+      o.Base[2][i] = base.z;
+      o.Metallic[i] = metallic;
+      o.Roughness[i] = roughness;
+      o.Specular[i] = specular;
+      o.Tint[0][i] = tint.x;
+      o.Tint[1][i] = tint.y;
+      o.Tint[2][i] = tint.z;
+      o.Ior[i] = m.Ior;
+      if (bumps && part.Kind == EmbreeScene::Placement::Flat && !part.Normals && !part.Tangents)
+      {
+        const int set = m.NormalTexture.TexCoord;
+        const Vec2f a = scene.TexCoord(part, w.Primitive[i], 0, 0, set),
+                    b = scene.TexCoord(part, w.Primitive[i], 1, 0, set),
+                    c = scene.TexCoord(part, w.Primitive[i], 0, 1, set);
+        w.Material[i] |= Bumped;
+        o.Bump[0][i] = (2 * bump.x - 1) * m.NormalScale;
+        o.Bump[1][i] = (2 * bump.y - 1) * m.NormalScale;
+        o.Bump[2][i] = 2 * bump.z - 1;
+        o.Slope[0][i] = b.x - a.x;
+        o.Slope[1][i] = b.y - a.y;
+        o.Slope[2][i] = c.x - a.x;
+        o.Slope[3][i] = c.y - a.y;
+        bends = true;
+      }
+      else if (w.Material[i] & Bent)
+      {
+        ShadingNormals normals;
+        Hit(scene, w, i, false, hit);
+        Normals(scene, hit, { -w.Live.Dx[i], -w.Live.Dy[i], -w.Live.Dz[i] }, normals, bumps ? &bump : nullptr);
+        w.Sx[i] = normals.Shading.x;
+        w.Sy[i] = normals.Shading.y;
+        w.Sz[i] = normals.Shading.z;
+      }
+    }
+    if (w.Varies && i + ahead < w.Count)
+      announce(i + ahead);
+  }
+  if (bends)
+    lanes::Bend(w);
 }
 
 Surface WavefrontAccess::Resolve(
@@ -201,42 +355,29 @@ Surface WavefrontAccess::Resolve(
   const EmbreeScene::Part& part = scene.Parts[hit.Geometry];
   const Material& m = scene.Source->Materials[std::size_t(part.Material)];
   MaterialValues v(m);
-  // the coordinates of both sets, made once
-  Vec2f at[2];
-  bool made[2] = { false, false };
-  const auto look = [&](const TextureUse& use)
-  {
-    const int set = use.TexCoord == 1 ? 1 : 0;
-    if (!made[set])
-    {
-      at[set] = scene.TexCoord(part, hit.Primitive, hit.U, hit.V, set);
-      made[set] = true;
-    }
-    const Vec2f t = Placed(use, at[set]);
-    return scene.Source->Textures[std::size_t(use.Texture)].Sample(t.x, t.y);
-  };
+  TexCoords at(scene, hit.Geometry, hit.Primitive, hit.U, hit.V);
   if (m.BaseColorTexture.Texture >= 0)
-    v.BaseColor *= look(m.BaseColorTexture).xyz();
+    v.BaseColor *= at.Look(m.BaseColorTexture).xyz();
   if (!part.Geometry->Colors.empty())
     v.BaseColor *= scene.VertexColor(part, hit.Primitive, hit.U, hit.V).xyz();
   if (m.MetallicRoughnessTexture.Texture >= 0)
   {
-    const Vec4f t = look(m.MetallicRoughnessTexture);
+    const Vec4f t = at.Look(m.MetallicRoughnessTexture);
     v.Roughness *= t.y;
     v.Metallic *= t.z;
   }
   if (m.TransmissionTexture.Texture >= 0)
-    v.Transmission *= look(m.TransmissionTexture).x;
+    v.Transmission *= at.Look(m.TransmissionTexture).x;
   if (m.SpecularTexture.Texture >= 0)
-    v.Specular *= look(m.SpecularTexture).w;
+    v.Specular *= at.Look(m.SpecularTexture).w;
   if (m.SpecularColorTexture.Texture >= 0)
-    v.SpecularColor *= look(m.SpecularColorTexture).xyz();
+    v.SpecularColor *= at.Look(m.SpecularColorTexture).xyz();
   if (m.ThicknessTexture.Texture >= 0)
-    v.Thickness *= look(m.ThicknessTexture).y;
+    v.Thickness *= at.Look(m.ThicknessTexture).y;
   if (m.ClearcoatTexture.Texture >= 0)
-    v.Clearcoat *= look(m.ClearcoatTexture).x;
+    v.Clearcoat *= at.Look(m.ClearcoatTexture).x;
   if (m.ClearcoatRoughnessTexture.Texture >= 0)
-    v.ClearcoatRoughness *= look(m.ClearcoatRoughnessTexture).y;
+    v.ClearcoatRoughness *= at.Look(m.ClearcoatRoughnessTexture).y;
   roughness = Unit(v.Roughness);
   if (m.Unlit)
     unlit = Unit(v.BaseColor);

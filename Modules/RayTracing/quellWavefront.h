@@ -17,12 +17,13 @@ struct RecordedRay
   Vec3f Origin, Direction;
   float Far = 0;
   std::uint32_t Shadow = 0; ///< asked for any hit
+  std::uint32_t Key = 0;    ///< of see-through surfaces
 };
 
 /// Paths that are traced side by side, one scattering at a time: column by column, so that what is plain arithmetic
 /// runs in vectors. Every row is computed by itself, by the same operations as in scalar code (quellBsdf.h,
 /// quellLightSampler.cxx, quellSampler.h): no result depends on the rows that happen to share a wavefront, nor on the
-/// width of the vectors. About 100 KB, that live on the stack of the thread that renders.
+/// width of the vectors. About 150 KB, that live on the stack of the thread that renders.
 struct Wavefront
 {
   static constexpr int Width = 256; ///< a multiple of every vector's length
@@ -45,8 +46,9 @@ struct Wavefront
     // only for paths that can be anything but diffuse
     Column<float> Sr, Sg, Sb; ///< share of the first diffuse lobe
     Column<float> EtaScale;
+    Column<float> Skipped; ///< of the ray, between the surface and its origin, which lies off it
   } Live;
-  static constexpr int DiffuseRows = 22, AllRows = 26;
+  static constexpr int DiffuseRows = 22, AllRows = 27;
   static_assert(sizeof(State) == AllRows * sizeof(Column<float>), "rows are closed up one after the other");
 
   // Flags
@@ -85,6 +87,21 @@ struct Wavefront
   alignas(64) Column<float> Cr, Cg, Cb;                  ///< what it carries
   alignas(64) Column<float> Br, Bg, Bb;                  ///< the part of it through the first diffuse lobe
 
+  /// Of opaque surfaces: first what textures leave of the material, then what Surface (quellBsdf.h) calls the same; the
+  /// albedo of its diffuse lobe is Ar, Ag, Ab.
+  struct alignas(64) OpaqueColumns
+  {
+    Column<float> Base[3], Metallic, Roughness, Specular, Tint[3], Ior; ///< as in MaterialValues and Material
+    Column<float> Bump[3], Slope[4]; ///< of the normal map: normal; texture coordinates along the triangle's two edges
+    Column<float> F0[3], F90, Alpha, Fms[3], MultiScale, Under[3], DiffuseScale;
+    Column<std::int32_t> Row; ///< of the energy table: place of its first number
+    Column<float> Fraction;
+    Column<float> Co, OutLoss, OutUnder, OutSmith, OutPdf, PCosine, PSpecular; ///< Co: Dot(normal, direction back)
+    Column<std::uint32_t> Lobes;
+  } Opaque;
+  // Lobes
+  static constexpr std::uint32_t HasDiffuse = 1, HasSpecular = 2, SpecularIsDelta = 4;
+
   static constexpr std::uint32_t LightDrawn = 1, LightAtInfinity = 2, LightHittable = 4; ///< BSDF samples may meet it
 };
 
@@ -103,6 +120,16 @@ VTKQUELLRAYTRACING_EXPORT void DrawTriangles(Wavefront& w) noexcept;
 VTKQUELLRAYTRACING_EXPORT void LightDiffuse(Wavefront& w, bool mis) noexcept;
 /// The next directions of diffuse surfaces, with Russian roulette if `roulette`; ends paths in Alive.
 VTKQUELLRAYTRACING_EXPORT void ScatterDiffuse(Wavefront& w, bool roulette) noexcept;
+/// Bends S of the rows that are Bumped, as WavefrontAccess::Normals does.
+VTKQUELLRAYTRACING_EXPORT void Bend(Wavefront& w) noexcept;
+/// The opaque surfaces of WavefrontAccess::Values, and the chances of their lobes for the rows' directions.
+VTKQUELLRAYTRACING_EXPORT void PrepareOpaque(Wavefront& w) noexcept;
+/// As LightDiffuse, of opaque surfaces; Br, Bg, Bb become the part through the first diffuse lobe.
+VTKQUELLRAYTRACING_EXPORT void LightOpaque(Wavefront& w, bool mis) noexcept;
+/// The next directions of opaque surfaces, with Russian roulette if `roulette`; ends paths in Alive, also those that
+/// have then scattered more than `deepest` times (mirrors do not count), and with `last` those that look for nothing
+/// but light.
+VTKQUELLRAYTRACING_EXPORT void ScatterOpaque(Wavefront& w, int deepest, bool roulette, bool last) noexcept;
 /// Closes the gaps of ended paths in the first `rows` rows of the state.
 VTKQUELLRAYTRACING_EXPORT void Close(Wavefront& w, int rows) noexcept;
 }
@@ -133,9 +160,13 @@ struct VTKQUELLRAYTRACING_EXPORT WavefrontAccess
 
   /// Asks the memory for the texels that the rows' materials will read.
   static void Prefetch(const EmbreeScene& scene, const Wavefront& w) noexcept;
+  /// Base to Ior, the bits Unlit, Single and Bumped, and the shading normals of the rows that are alive.
+  static void Values(const EmbreeScene& scene, Wavefront& w) noexcept;
+  class TexCoords;
   // A hit's parts of EmbreeScene::Shade.
-  static void Normals(
-    const EmbreeScene& scene, const SurfaceHit& hit, const Vec3f& wo, ShadingNormals& normals) noexcept;
+  /// `bump`: what the normal map holds there, where that is known.
+  static void Normals(const EmbreeScene& scene, const SurfaceHit& hit, const Vec3f& wo, ShadingNormals& normals,
+    const Vec4f* bump = nullptr) noexcept;
   /// Where textures or vertex colours say what the material is.
   static Surface Resolve(const EmbreeScene& scene, const SurfaceHit& hit, float& roughness, Vec3f& unlit) noexcept;
   static Vec3f Emission(const EmbreeScene& scene, const SurfaceHit& hit) noexcept;
@@ -146,6 +177,10 @@ struct VTKQUELLRAYTRACING_EXPORT WavefrontAccess
 
   // What Fetch says about a row in Wavefront::Material.
   static constexpr std::uint32_t Varies = 1, Bent = 4, Mirrored = 8, Elsewhere = 16;
+  // What Values says there: without light of its own accord; without several scatterings between microfacets.
+  static constexpr std::uint32_t Unlit = 32, Single = 64;
+  // A normal map whose tangents come from the triangle: Bump and Slope say how to bend S.
+  static constexpr std::uint32_t Bumped = 128;
 };
 }
 

@@ -259,6 +259,92 @@ void ScatterDiffuseImpl(Wavefront& w, bool roulette)
   }
 }
 
+void BendImpl(Wavefront& w)
+{
+  const unsigned n = Rows(w);
+  constexpr double most = std::numeric_limits<double>::max();
+  constexpr float least = 0.01f, mostFloat = std::numeric_limits<float>::max();
+  const Wavefront::State& live = w.Live;
+  const Wavefront::OpaqueColumns& o = w.Opaque;
+  Wavefront::Column<float>&x = w.Kx, &y = w.Ky, &z = w.Kz; // not in use yet
+  for (unsigned i = 0; i < n; ++i)
+  {
+    const double ax = double(w.Corner[0][i]), ay = double(w.Corner[1][i]), az = double(w.Corner[2][i]);
+    const double bx = double(w.Corner[3][i]) - ax, by = double(w.Corner[4][i]) - ay, bz = double(w.Corner[5][i]) - az;
+    const double cx = double(w.Corner[6][i]) - ax, cy = double(w.Corner[7][i]) - ay, cz = double(w.Corner[8][i]) - az;
+    const double du1 = double(o.Slope[0][i]), dv1 = double(o.Slope[1][i]), du2 = double(o.Slope[2][i]),
+                 dv2 = double(o.Slope[3][i]);
+    const double det = du1 * dv2 - du2 * dv1, inverse = 1 / det;
+    const bool flat = !(std::fabs(det) > 0 && std::fabs(det) <= most);
+    const bool right = (det < 0) != ((w.Material[i] & WavefrontAccess::Mirrored) != 0);
+    const double handed = right ? 1. : -1.;
+    const double sx = double(w.Sx[i]), sy = double(w.Sy[i]), sz = double(w.Sz[i]);
+    const double px = (bx * dv2 - cx * dv1) * inverse, py = (by * dv2 - cy * dv1) * inverse,
+                 pz = (bz * dv2 - cz * dv1) * inverse;
+    const double along = px * sx + py * sy + pz * sz;
+    const double qx = px - sx * along, qy = py - sy * along, qz = pz - sz * along;
+    const double l = std::sqrt(qx * qx + qy * qy + qz * qz);
+    const double tx = qx / l, ty = qy / l, tz = qz / l;
+    const double side = w.Front[i] ? 1. : -1.;
+    const double nx = side * sx, ny = side * sy, nz = side * sz;
+    const double ux = (ny * tz - nz * ty) * handed, uy = (nz * tx - nx * tz) * handed,
+                 uz = (nx * ty - ny * tx) * handed;
+    const float lx = o.Bump[0][i], ly = o.Bump[1][i], lz = o.Bump[2][i];
+    const double fx = tx * double(lx) + ux * double(ly) + sx * double(lz),
+                 fy = ty * double(lx) + uy * double(ly) + sy * double(lz),
+                 fz = tz * double(lx) + uz * double(ly) + sz * double(lz);
+    const double m = std::sqrt(fx * fx + fy * fy + fz * fz);
+    const float gx = float(fx / m), gy = float(fy / m), gz = float(fz / m);
+    const std::uint32_t good = std::uint32_t(!flat) & std::uint32_t(l > 0) & std::uint32_t(l <= most) &
+                               std::uint32_t(m > 0) & std::uint32_t(m <= most) &
+                               std::uint32_t(std::fabs(lx) <= mostFloat) & std::uint32_t(std::fabs(ly) <= mostFloat) &
+                               std::uint32_t(std::fabs(lz) <= mostFloat);
+    x[i] = good ? gx : w.Sx[i];
+    y[i] = good ? gy : w.Sy[i];
+    z[i] = good ? gz : w.Sz[i];
+  }
+  // Adapted (quellShading.cxx)
+  for (unsigned i = 0; i < n; ++i)
+  {
+    const float ox = -live.Dx[i], oy = -live.Dy[i], oz = -live.Dz[i], gx = w.Gx[i], gy = w.Gy[i], gz = w.Gz[i];
+    const float nx = x[i], ny = y[i], nz = z[i];
+    const float facing = Dot3(nx, ny, nz, ox, oy, oz);
+    const bool low = facing < least;
+    const float d = least - facing;
+    float ax = nx + ox * d, ay = ny + oy * d, az = nz + oz * d;
+    const float la = std::sqrt(Dot3(ax, ay, az, ax, ay, az));
+    const bool fine = (la > 0) & (la <= mostFloat);
+    ax = fine ? ax / la : 0.f;
+    ay = fine ? ay / la : 0.f;
+    az = fine ? az / la : 0.f;
+    const bool gone = low & !(Dot3(ax, ay, az, gx, gy, gz) > 0);
+    const float bx = low ? ax : nx, by = low ? ay : ny, bz = low ? az : nz;
+    const float twice = 2 * Dot3(bx, by, bz, ox, oy, oz);
+    const float mx = bx * twice - ox, my = by * twice - oy, mz = bz * twice - oz;
+    const float height = Dot3(gx, gy, gz, mx, my, mz), up = Dot3(gx, gy, gz, ox, oy, oz);
+    const float wanted = up < least ? up : least;
+    const bool lift = height < wanted;
+    const float h = wanted - height;
+    float cx = mx + gx * h, cy = my + gy * h, cz = mz + gz * h;
+    const float lc = std::sqrt(Dot3(cx, cy, cz, cx, cy, cz));
+    const bool some = (lc > 0) & (lc <= mostFloat);
+    cx = (some ? cx / lc : 0.f) + ox;
+    cy = (some ? cy / lc : 0.f) + oy;
+    cz = (some ? cz / lc : 0.f) + oz;
+    const float le = std::sqrt(Dot3(cx, cy, cz, cx, cy, cz));
+    const bool raised = (le > 0) & (le <= mostFloat);
+    const float ex = raised ? cx / le : gx, ey = raised ? cy / le : gy, ez = raised ? cz / le : gz;
+    const bool same = (nx == gx) & (ny == gy) & (nz == gz);
+    const float rx = lift ? ex : bx, ry = lift ? ey : by, rz = lift ? ez : bz;
+    const bool plain = same | gone;
+    const bool bumped = (w.Material[i] & WavefrontAccess::Bumped) != 0;
+    const float vx = plain ? gx : rx, vy = plain ? gy : ry, vz = plain ? gz : rz;
+    w.Sx[i] = bumped ? vx : w.Sx[i];
+    w.Sy[i] = bumped ? vy : w.Sy[i];
+    w.Sz[i] = bumped ? vz : w.Sz[i];
+  }
+}
+
 void CloseImpl(Wavefront& w, int rows)
 {
   const hn::ScalableTag<std::uint32_t> d;
@@ -296,6 +382,7 @@ HWY_EXPORT(LocateImpl);
 HWY_EXPORT(DrawTrianglesImpl);
 HWY_EXPORT(LightDiffuseImpl);
 HWY_EXPORT(ScatterDiffuseImpl);
+HWY_EXPORT(BendImpl);
 HWY_EXPORT(CloseImpl);
 
 namespace lanes
@@ -319,6 +406,10 @@ void LightDiffuse(Wavefront& w, bool mis) noexcept
 void ScatterDiffuse(Wavefront& w, bool roulette) noexcept
 {
   HWY_DYNAMIC_DISPATCH(ScatterDiffuseImpl)(w, roulette);
+}
+void Bend(Wavefront& w) noexcept
+{
+  HWY_DYNAMIC_DISPATCH(BendImpl)(w);
 }
 void Close(Wavefront& w, int rows) noexcept
 {

@@ -56,7 +56,8 @@ void WavefrontAccess::Intersect(const EmbreeScene& scene, EmbreeScene::Context& 
     if (found)
       __builtin_prefetch(&scene.Parts[part].Corners[3 * std::size_t(r.hit.primID)]);
     if (record)
-      record->push_back({ { s.Ox[i], s.Oy[i], s.Oz[i] }, { s.Dx[i], s.Dy[i], s.Dz[i] }, Infinity, 0 });
+      record->push_back(
+        { { s.Ox[i], s.Oy[i], s.Oz[i] }, { s.Dx[i], s.Dy[i], s.Dz[i] }, Infinity, 0, keys ? keys[i] : 0 });
   }
 }
 
@@ -205,7 +206,8 @@ std::int64_t WavefrontAccess::Occlude(const EmbreeScene& scene, EmbreeScene::Con
     if (r.tfar < 0)
       w.Lit[i] = 0;
     if (record)
-      record->push_back({ { w.Kx[i], w.Ky[i], w.Kz[i] }, { w.Jx[i], w.Jy[i], w.Jz[i] }, w.Far[i], 1 });
+      record->push_back(
+        { { w.Kx[i], w.Ky[i], w.Kz[i] }, { w.Jx[i], w.Jy[i], w.Jz[i] }, w.Far[i], 1, keys ? keys[i] : 0 });
   }
   return count;
 }
@@ -270,23 +272,24 @@ void WavefrontAccess::PickTriangles(const EmbreeScene& scene, Wavefront& w) noex
 
 std::int64_t WavefrontAccess::Replay(const EmbreeScene& scene, const std::vector<RecordedRay>& rays) noexcept
 {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
+  EmbreeScene::Context context; // see-through surfaces read what lies behind Embree's own
+  scene.Begin(context);
   std::int64_t met = 0;
   RTCRayHit r;
   for (const RecordedRay& o : rays)
   {
+    context.Key = o.Key;
     SetRay(r.ray, o.Origin.x, o.Origin.y, o.Origin.z, o.Direction.x, o.Direction.y, o.Direction.z, o.Far, 0);
     if (o.Shadow)
     {
-      rtcOccluded1(scene.Rtc, &context, &r.ray);
+      rtcOccluded1(scene.Rtc, &context.Rtc, &r.ray);
       met += r.ray.tfar < 0;
     }
     else
     {
       r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
       r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-      rtcIntersect1(scene.Rtc, &context, &r);
+      rtcIntersect1(scene.Rtc, &context.Rtc, &r);
       met += r.hit.geomID != RTC_INVALID_GEOMETRY_ID;
     }
   }

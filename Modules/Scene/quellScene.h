@@ -41,8 +41,28 @@ struct VTKQUELLSCENE_EXPORT Texture
 
   /// Linear RGBA at (u, v), bilinear unless Nearest; wraps first; a non-finite coordinate reads 0.
   Vec4f Sample(float u, float v) const noexcept;
-  /// Asks the memory for the texels that Sample(u, v) will read soon.
-  void Prefetch(float u, float v) const noexcept;
+
+  /// The texels that a look-up reads, and how it weighs them.
+  struct Footprint
+  {
+    std::size_t At[4]; ///< of their first channels
+    float Weight[4];
+  };
+  /// Sample(u, v) is Read(Place(u, v)), for a texture that IsUsable.
+  bool IsUsable() const noexcept
+  {
+    return this->Width > 0 && this->Height > 0 && !(this->Bytes.empty() && this->Floats.empty());
+  }
+  Footprint Place(float u, float v) const noexcept;
+  Vec4f Read(const Footprint& place) const noexcept;
+  /// Asks the memory for texels that Read will need soon.
+  void Prefetch(const Footprint& place) const noexcept;
+  /// Place gives the same for both.
+  bool SharesPlaces(const Texture& other) const noexcept
+  {
+    return this->Width == other.Width && this->Height == other.Height && this->Nearest == other.Nearest &&
+           this->WrapS == other.WrapS && this->WrapT == other.WrapT;
+  }
 };
 
 /// Use of a texture by a material: which, which texture coordinates, and KHR_texture_transform (u' = M (u, v, 1)).

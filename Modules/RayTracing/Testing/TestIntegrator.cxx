@@ -452,6 +452,79 @@ TEST(Integrator, VariantsAgreeBitForBit)
   ExpectSameBits(lean, Traced(s), "opaque and general");
 }
 
+/// The glossy room with everything that the vectors of opaque surfaces choose among: perfect mirrors, metal,
+/// half-metal, no reflection at all, odd indices and tints, one scattering between microfacets, steep bumps, mirrored
+/// nodes.
+SceneBuilder Motley(int kind)
+{
+  SceneBuilder b = Room(true, false, kind == 1);
+  std::vector<Material>& m = b.Scene->Materials;
+  Texture mixed;
+  mixed.Width = 8;
+  mixed.Height = kind == 2 ? 4 : 8;
+  for (int i = 0; i < mixed.Width * mixed.Height; ++i)
+    for (int v : { 250 - 3 * i, 4 * i, 2 * i + (kind == 0 ? 100 : 0), 255 - 2 * i })
+      mixed.Bytes.push_back(std::uint8_t(v));
+  b.Scene->Textures.push_back(mixed);
+  int n = 0;
+  for (Material& each : m)
+  {
+    each.DoubleSided = true;
+    if (each.NormalTexture.Texture >= 0)
+    {
+      each.MetallicRoughnessTexture.Texture = 2;
+      each.SpecularTexture.Texture = each.SpecularColorTexture.Texture = 2;
+      each.SpecularColorTexture.Transform[0][2] = .3f;
+      each.NormalScale = kind == 0 ? 9.f : .5f;
+      each.NormalTexture.TexCoord = 0;
+    }
+    else if (!each.Unlit)
+      switch ((n++ + kind) % 5)
+      {
+        case 0:
+          each.Roughness = 0;
+          each.Metallic = .7f;
+          break;
+        case 1:
+          each.MultipleScattering = false;
+          each.Ior = 1.2f;
+          break;
+        case 2:
+          each.Specular = 0;
+          each.Metallic = 0;
+          break;
+        case 3:
+          each.Ior = 0;
+          each.SpecularColor = { .2f, 3, .5f };
+          each.Roughness = .05f;
+          break;
+        default:
+          each.Metallic = 1;
+          each.Roughness = 1;
+          each.BaseColor = { 1, .5f, 0 };
+      }
+  }
+  for (std::size_t i = 1; i < b.Scene->Nodes.size(); i += 2)
+    b.Scene->Nodes[i].Scale = { -1, 1, 1 };
+  return b;
+}
+
+TEST(Integrator, OpaqueSurfacesAgreeBitForBit)
+{
+  for (int kind = 0; kind < 5; ++kind)
+    for (auto strategy : { Integrator::Strategy::Mis, Integrator::Strategy::LightOnly, Integrator::Strategy::BsdfOnly })
+    {
+      Shot s = Prepared(Motley(kind));
+      s.Tracer.Sampling = strategy;
+      s.Tracer.RouletteStart = kind;
+      ASSERT_EQ(s.Tracer.Chosen(), Integrator::Variant::Opaque);
+      const Picture lean = Traced(s);
+      EXPECT_EQ(lean.Counters.NonFinite, 0);
+      s.Tracer.Force = Integrator::Variant::General;
+      ExpectSameBits(lean, Traced(s), "kind " + std::to_string(kind));
+    }
+}
+
 TEST(Integrator, EveryInstructionSetMakesTheSameBits)
 {
   for (bool glossy : { false, true })

@@ -415,7 +415,7 @@ TEST(ClosedForms, AbsorbingSlab)
     Material glass = Glass(0);
     glass.AttenuationColor = { .5f, .2f, .9f };
     glass.AttenuationDistance = .15f;
-    b.Box(b.Add(glass), { -20, -20, -1 }, { 20, 20, -.9f });
+    b.Box(b.Add(glass), { -500, -500, -1 }, { 500, 500, -.9f });
     b.Quad(b.Add(SceneBuilder::Lambert(0, 1)), { -90, -90, -3 }, { 180, 0, 0 }, { 0, 180, 0 });
     b.Camera({ 0, 0, 1 }, .0001, angle);
     Settings s;
