@@ -147,6 +147,12 @@ public:
     return this->Has.MovingLights ? this->MovingPdf(light, hit, from, distance2, cosine)
                                   : this->LightSource.TrianglePdf(std::uint32_t(light), from, distance2, cosine);
   }
+  Vec3f SkyAndPdf(const Vec3f& direction, float& pdf) const noexcept
+  {
+    const Vec3f sky = this->LightSource.SkyAndPdf(direction, pdf);
+    pdf *= 1 - this->MovingShare;
+    return sky;
+  }
   float SkyPdf(const Vec3f& direction) const noexcept
   {
     return this->LightSource.SkyPdf(direction) * (1 - this->MovingShare);

@@ -415,10 +415,11 @@ void Integrator::Sky(Batch& b, int i) const noexcept
   if (!b.Wanted[std::min(smooth, 2)] || !scene.Lights().HasSky())
     return;
   const Vec3f direction = b.Direction(i);
-  float weight = 1;
+  float weight = 1, skyPdf;
+  const Vec3f sky = scene.SkyAndPdf(direction, skyPdf);
   if (!(flags & Wavefront::DeltaBit) && this->Sampling != Strategy::BsdfOnly)
-    weight = this->Sampling == Strategy::LightOnly ? 0 : PowerHeuristic(w.Live.Pdf[i], scene.SkyPdf(direction));
-  const Vec3f light = b.Throughput(i) * scene.Lights().Sky(direction) * weight;
+    weight = this->Sampling == Strategy::LightOnly ? 0 : PowerHeuristic(w.Live.Pdf[i], skyPdf);
+  const Vec3f light = b.Throughput(i) * sky * weight;
   b.Add(path, smooth, light, light * b.Share(i));
 }
 
@@ -455,6 +456,7 @@ void Integrator::DrawLights(Batch& b) const noexcept
 {
   const EmbreeScene& scene = *this->Scene;
   Wavefront& w = b.W;
+  const bool sky = scene.Lights().HasSky() && !scene.Has.MovingLights; // those rescale the pick
   if (b.PickTriangles)
   {
     WavefrontAccess::PickTriangles(scene, w);
@@ -464,6 +466,9 @@ void Integrator::DrawLights(Batch& b) const noexcept
     for (int i = 0; i < w.Count; ++i)
     {
       w.LightFlags[i] = 0;
+      if (const int ahead = i + 10; sky && ahead < w.Count)
+        scene.Lights().PrefetchDraw(w.Random[2 * PairLightPick][ahead], w.Random[2 * PairLightPoint][ahead],
+          w.Random[2 * PairLightPoint + 1][ahead]);
       if (!w.Alive[i] || !b.Lightable[i])
         continue;
       const Receiver here{ { w.Px[i], w.Py[i], w.Pz[i] }, { w.Sx[i], w.Sy[i], w.Sz[i] }, false };
