@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <tuple>
@@ -52,6 +54,106 @@ std::string Trimmed(const std::string& s)
 {
   const std::size_t a = s.find_first_not_of(" \t\r"), b = s.find_last_not_of(" \t\r");
   return a == std::string::npos ? std::string() : s.substr(a, b - a + 1);
+}
+
+/// [sign] digits [. digits] [e [sign] digits], a digit at least before the e.
+bool IsNumber(const char* at, const char* end)
+{
+  const auto sign = [&] { at += at < end && (*at == '+' || *at == '-'); };
+  const auto digits = [&]
+  {
+    const char* const begin = at;
+    while (at < end && *at >= '0' && *at <= '9')
+      ++at;
+    return at - begin;
+  };
+  sign();
+  auto count = digits();
+  if (at < end && *at == '.')
+  {
+    ++at;
+    count += digits();
+  }
+  if (count == 0)
+    return false;
+  if (at < end && (*at == 'e' || *at == 'E'))
+  {
+    ++at;
+    sign();
+    if (digits() == 0)
+      return false;
+  }
+  return at == end;
+}
+
+/// Lines that begin with one of `keys` and whose next `count` words are not all numbers, `required` of them at least:
+/// tinyobjloader reads such a word as 0 and says nothing.
+struct NumberRule
+{
+  const char* Key;
+  int Count, Required;
+};
+struct BadNumber
+{
+  std::size_t Line;  ///< from 1
+  std::size_t Index; ///< of the line among those with this key, from 0
+  const NumberRule* Rule;
+  std::string Word; ///< empty: too few words
+};
+template <std::size_t N>
+std::vector<BadNumber> FindBadNumbers(const Bytes& content, const NumberRule (&rules)[N])
+{
+  std::vector<BadNumber> bad;
+  std::size_t counts[N] = {}, line = 1;
+  const char *at = reinterpret_cast<const char*>(content.data()), *const end = at + content.size();
+  const auto isSpace = [](char c) { return c == ' ' || c == '\t'; };
+  const auto isEnd = [](char c) { return c == '\n' || c == '\r' || c == '\0'; };
+  const auto word = [&]
+  {
+    while (at < end && isSpace(*at))
+      ++at;
+    const char* const begin = at;
+    while (at < end && !isSpace(*at) && !isEnd(*at))
+      ++at;
+    return begin;
+  };
+  while (at < end)
+  {
+    const char* const key = word();
+    const std::size_t length = std::size_t(at - key);
+    for (std::size_t r = 0; r < N && length > 0; ++r)
+      if (length == std::strlen(rules[r].Key) && std::memcmp(key, rules[r].Key, length) == 0)
+      {
+        const std::size_t index = counts[r]++;
+        for (int i = 0; i < rules[r].Count; ++i)
+        {
+          const char* const begin = word();
+          const bool missing = begin == at || *begin == '#';
+          if (missing ? i < rules[r].Required : !IsNumber(begin, at))
+            bad.push_back({ line, index, &rules[r], missing ? std::string() : std::string(begin, at) });
+          if (missing || (!bad.empty() && bad.back().Line == line))
+            break;
+        }
+      }
+    while (at < end && !isEnd(*at))
+      ++at;
+    if (at < end)
+    {
+      const bool two = *at == '\r' && at + 1 < end && at[1] == '\n';
+      at += two ? 2 : 1;
+      ++line;
+    }
+  }
+  return bad;
+}
+/// "3 lines with what is no number, the first is line 7: v nan 0 0"
+std::string Describe(const std::vector<BadNumber>& bad)
+{
+  const BadNumber& first = bad.front();
+  const std::string what = "line " + std::to_string(first.Line) + ": " +
+                           (first.Word.empty() ? std::string("too few numbers after ") + first.Rule->Key
+                                               : "\"" + first.Word + "\" after " + first.Rule->Key + " is no number");
+  return what + (bad.size() > 1 ? " (and " + std::to_string(bad.size() - 1) + " lines more of the kind)" : "");
 }
 
 class ObjReader : public tinyobj::MaterialReader
@@ -112,6 +214,11 @@ bool ObjReader::operator()(const std::string& name, std::vector<tinyobj::materia
     return false;
   }
   this->Hash.Add(content.data(), content.size());
+  static const NumberRule rules[] = { { "Kd", 3, 1 }, { "Ks", 3, 1 }, { "Ke", 3, 1 }, { "Tf", 3, 1 }, { "Ns", 1, 1 },
+    { "Ni", 1, 1 }, { "d", 1, 1 }, { "Tr", 1, 1 }, { "Pr", 1, 1 }, { "Pm", 1, 1 }, { "illum", 1, 1 } };
+  const std::vector<BadNumber> bad = FindBadNumbers(content, rules);
+  if (!bad.empty())
+    Warn(this->Out, "\"" + path + "\"", Describe(bad) + "; 0 or the default is taken", "correct the file");
   std::istringstream in(std::string(content.begin(), content.end()));
   std::vector<tinyobj::material_t> read;
   std::map<std::string, int> unused;
@@ -332,21 +439,32 @@ TextureUse ObjReader::Map(
   return use;
 }
 
-Color Clamped(const tinyobj::real_t* c, float high)
-{
-  Color out;
-  for (int i = 0; i < 3; ++i)
-    out[i] = c[i] >= 0 ? std::min(float(c[i]), high) : 0.f; // NaN becomes 0
-  return out;
-}
 
 // The mapping is described at LoadScene.
 void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
 {
-  const Color kd = Clamped(in.diffuse, 1), ks = Clamped(in.specular, 1), tf = Clamped(in.transmittance, 1);
-  const float d = std::isfinite(in.dissolve) ? std::min(std::max(float(in.dissolve), 0.f), 1.f) : 1.f;
-  const float ns = in.shininess > 0 ? std::min(float(in.shininess), 1e6f) : 0.f;
-  const float ni = in.ior > 1.0001f && std::isfinite(in.ior) ? std::min(float(in.ior), 100.f) : 0.f;
+  constexpr float largest = std::numeric_limits<float>::max();
+  const auto inRange = [&](const char* key, double value, float low, float high)
+  {
+    const float taken = value >= double(low) ? float(std::min(value, double(high))) : low; // NaN becomes low
+    if (double(taken) != value && !(std::fabs(double(taken) - value) < 1e-6))
+    {
+      std::ostringstream text;
+      text << key << ' ' << value << " is outside of [" << low << ", ";
+      high < largest ? text << high << "]; " : text << "..); ";
+      text << taken << " is taken";
+      Warn(this->Out, "material \"" + in.name + "\"", text.str(), "correct the material library");
+    }
+    return taken;
+  };
+  const auto color = [&](const char* key, const tinyobj::real_t* c, float high)
+  { return Color(inRange(key, c[0], 0, high), inRange(key, c[1], 0, high), inRange(key, c[2], 0, high)); };
+  const Color kd = color("Kd", in.diffuse, 1), ks = color("Ks", in.specular, 1),
+              tf = color("Tf", in.transmittance, 1);
+  const float d = inRange("d", in.dissolve, 0, 1);
+  const float ns = inRange("Ns", in.shininess, 0, 1e6f);
+  const float index = inRange("Ni", in.ior, 0, 100);
+  const float ni = index > 1.0001f ? index : 0.f;
   const bool raytraced = in.illum == 3 || (in.illum >= 4 && in.illum <= 7);
   const bool dissolves = d < 1 || !in.alpha_texname.empty();
   const bool glass = !dissolves && (in.illum == 4 || in.illum == 6 || in.illum == 7 || in.illum == 9);
@@ -385,11 +503,11 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
   }
   else
     out.SpecularColor = ks * (1.f / f0); // reflectance Ks at normal incidence, whatever Ni is
-  out.Emission = Clamped(in.emission, std::numeric_limits<float>::max());
-  if (in.roughness > 0)
-    out.Roughness = std::min(float(in.roughness), 1.f);
-  if (in.metallic > 0)
-    out.Metallic = std::min(float(in.metallic), 1.f);
+  out.Emission = color("Ke", in.emission, largest);
+  if (in.roughness != 0)
+    out.Roughness = inRange("Pr", in.roughness, 0, 1);
+  if (in.metallic != 0)
+    out.Metallic = inRange("Pm", in.metallic, 0, 1);
 
   const bool filtered = glass && MaxComponent(tf) > 0; // Tf is the colour of the glass, not what Kd says
   if ((!in.diffuse_texname.empty() && !filtered) || !in.alpha_texname.empty())
@@ -480,6 +598,16 @@ void ObjReader::Read(const Bytes& content)
   std::string warning, error;
   if (!tinyobj::LoadObjWithCallback(in, callbacks, this, this, &warning, &error))
     Fail(this->Out.File, "", "the OBJ file cannot be parsed: " + Trimmed(error), "export the file again");
+  static const NumberRule rules[] = { { "v", 3, 3 }, { "vn", 3, 3 }, { "vt", 2, 1 } };
+  const std::vector<BadNumber> bad = FindBadNumbers(content, rules);
+  if (!bad.empty())
+    Warn(this->Out, "\"" + this->Out.File + "\"", Describe(bad), "export the file again");
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const BadNumber& b : bad) // what stands on it goes, with a warning of its own
+    if (b.Rule == &rules[0] && b.Index < this->Positions.size())
+      this->Positions[b.Index] = Vec3f(nan);
+    else if (b.Rule == &rules[1] && b.Index < this->Normals.size())
+      this->Normals[b.Index] = Vec3f(nan);
 
   const std::size_t sizes[3] = { this->Positions.size(), this->TexCoords.size(), this->Normals.size() };
   static const char* const names[3] = { "vertex", "texture coordinate", "normal" };

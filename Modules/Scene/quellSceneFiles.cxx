@@ -535,12 +535,15 @@ void CheckLights(Scene& scene)
     text << v;
     return text.str();
   };
-  for (const PunctualLight& light : scene.Lights)
+  for (std::size_t i = 0; i < scene.Lights.size(); ++i)
+  {
+    const PunctualLight& light = scene.Lights[i];
     if (MaxComponent(light.Intensity) > largestPower)
-      Warn(scene, "light \"" + light.Name + "\"",
+      Warn(scene, light.Name.empty() ? "light " + std::to_string(i) : "light \"" + light.Name + "\"",
         "the intensity of " + number(MaxComponent(light.Intensity)) +
           " is beyond what sums in single precision can hold",
         "lower it and the exposure");
+  }
   const bool any = std::any_of(
     scene.Materials.begin(), scene.Materials.end(), [](const Material& m) { return MaxComponent(m.Emission) > 0; });
   if (!any)

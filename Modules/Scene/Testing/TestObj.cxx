@@ -184,6 +184,46 @@ TEST(Obj, MissingLibraryImageAndMaterialWarn)
   EXPECT_TRUE(HasWarning(*WithMaterial("map_Kd gone.png"), "gone.png\" cannot be used"));
 }
 
+TEST(Obj, WhatIsNoNumberIsToldAndNeverBecomesZero)
+{
+  const std::string faces = "v 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n";
+  for (const char* bad : { "nan 0 0", "0 inf 0", "0 0 1,5", "one 0 0", "0 0", "0 1e 0", "0 . 0", "0 0 # 0" })
+  {
+    SCOPED_TRACE(bad);
+    const auto scene = LoadOnce(WriteFile(TempName(".obj"), "# a comment\r\n v " + std::string(bad) + "\r\n" + faces));
+    EXPECT_TRUE(HasWarning(*scene, "line 2: "));
+    EXPECT_TRUE(HasWarning(*scene, "1 triangle(s) with a position that is not finite were dropped"));
+    ASSERT_EQ(scene->Meshes.size(), 1u);
+    EXPECT_EQ(scene->Meshes[0].Indices.size(), 3u);
+  }
+  for (const char* good : { "0 0 0", "-.5 +1. 1e-3", "1E+2\t0 0 0.5 0.5 0.5", "0 0 0 # corner" })
+  {
+    SCOPED_TRACE(good);
+    const auto scene = LoadOnce(WriteFile(TempName(".obj"), "v " + std::string(good) + "\n" + faces));
+    EXPECT_TRUE(scene->Warnings.empty()) << scene->Warnings.front();
+    EXPECT_EQ(scene->Meshes[0].Indices.size(), 6u);
+  }
+  EXPECT_TRUE(
+    HasWarning(*WithMaterial("Kd 0.5 o.5 0.5"), ".mtl\": line 2: \"o.5\" after Kd is no number; 0 or the default"));
+  EXPECT_TRUE(HasWarning(*WithMaterial("Ns"), "line 2: too few numbers after Ns"));
+}
+
+TEST(Obj, ValuesOutsideOfTheirRangeAreTold)
+{
+  const auto scene = WithMaterial("Kd 1.5 0.5 -1\nKe -1 0 0\nNi -2\nd 3\nPr 7");
+  const Material& m = scene->Materials[0];
+  EXPECT_EQ(m.BaseColor, Vec3f(1, 0.5f, 0));
+  EXPECT_EQ(m.Emission, Vec3f(0));
+  EXPECT_EQ(m.Roughness, 1);
+  EXPECT_TRUE(HasWarning(*scene, "material \"m\": Kd 1.5 is outside of [0, 1]; 1 is taken"));
+  EXPECT_TRUE(HasWarning(*scene, "Kd -1 is outside of [0, 1]; 0 is taken"));
+  EXPECT_TRUE(HasWarning(*scene, "Ke -1 is outside of [0, ..); 0 is taken"));
+  EXPECT_TRUE(HasWarning(*scene, "Ni -2"));
+  EXPECT_TRUE(HasWarning(*scene, "d 3 is outside of [0, 1]; 1 is taken"));
+  EXPECT_TRUE(HasWarning(*scene, "Pr 7 is outside"));
+  EXPECT_TRUE(WithMaterial("Kd 1 1 1\nKs 0.2 0.3 0.4\nNs 1000\nNi 1.45\nd 1\nTf 1 1 1")->Warnings.empty());
+}
+
 TEST(Obj, MutationsOnlyThrowSceneErrors)
 {
   const std::string original = "mtllib a.mtl\no x\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl m\ng a "
