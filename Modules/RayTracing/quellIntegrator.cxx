@@ -158,23 +158,24 @@ std::vector<std::string> Integrator::ExplainVariant(const Film& film) const
 {
   std::vector<std::string> lines;
   const EmbreeScene::Features& has = this->Scene->Has;
-  switch (this->Chosen())
-  {
-    case Variant::Diffuse:
-      lines.push_back(
-        "integrator variant \"diffuse\": no glossy material, no glass, nothing see-through; all in vectors");
-      break;
-    case Variant::Opaque:
-      lines.push_back(
-        "integrator variant \"opaque\": glossy materials, but no glass or clearcoat and nothing see-through");
-      break;
-    default:
-      lines.push_back(
-        std::string("integrator variant \"general\": the scene has ") + (has.SeeThrough ? "see-through surfaces"
-                                                                          : has.Glass   ? "glass"
-                                                                                        : "clearcoat"));
-  }
   const bool light = film.WantsLight();
+  if (light || film.WantsGuides())
+    switch (this->Chosen())
+    {
+      case Variant::Diffuse:
+        lines.push_back(
+          "integrator variant \"diffuse\": no glossy material, no glass, nothing see-through; all in vectors");
+        break;
+      case Variant::Opaque:
+        lines.push_back(
+          "integrator variant \"opaque\": glossy materials, but no glass or clearcoat and nothing see-through");
+        break;
+      default:
+        lines.push_back(
+          std::string("integrator variant \"general\": the scene has ") + (has.SeeThrough ? "see-through surfaces"
+                                                                            : has.Glass   ? "glass"
+                                                                                          : "clearcoat"));
+    }
   if (light && WavefrontAccess::CanPickTriangles(*this->Scene))
     lines.push_back("a few light triangles are all the light: light samples in vectors");
   if (light && !film.WantsIndirect())

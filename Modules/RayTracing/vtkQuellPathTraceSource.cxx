@@ -21,6 +21,7 @@
 #include <map>
 #include <new>
 #include <set>
+#include <sstream>
 #include <system_error>
 #include <type_traits>
 
@@ -286,7 +287,6 @@ std::string Counted(std::int64_t n, const char* what)
 }
 
 /// A file and when it was written; a missing file has no time and fails when it is read.
-
 std::string FileStamp(const std::string& file)
 {
   std::error_code error;
@@ -678,9 +678,6 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   }
   quell::EmbreeScene& built = *in.Built;
   this->Warnings.insert(this->Warnings.end(), built.Warnings.begin(), built.Warnings.end());
-  if (built.DroppedTriangles > 0 && built.Warnings.empty())
-    this->Warnings.push_back(
-      Counted(built.DroppedTriangles, "triangle") + " left out (no area, or corners that are not finite)");
 
   quell::Integrator integrator;
   integrator.Scene = &built;
@@ -698,7 +695,7 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     integrator.View = at(false);
     integrator.PreviousView = at(true);
     const quell::Vec3d& eye = integrator.View.Position;
-    if (!(std::max({ std::fabs(eye.x), std::fabs(eye.y), std::fabs(eye.z) }) < 1e18))
+    if (!(std::max({ std::fabs(eye.x), std::fabs(eye.y), std::fabs(eye.z) }) < double(quell::LargestCoordinate)))
       throw quell::StageError("camera " + (model.Name.empty() ? std::to_string(index) : '"' + model.Name + '"') +
                               " is farther than 1e18 from the scene; rays have no digits there");
     if (shutter > 0 && model.Node >= 0 && scene.Animated())
@@ -1008,6 +1005,15 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
   try
   {
     const quell::Scene& scene = this->LoadedScene();
+    quell::ArraySet asked = REQUESTED_ARRAYS()->Read(this->GetOutputInformation(0)), traced;
+    if (asked.count(PrimaryArray()))
+      asked.insert(this->GetDescription().Outputs.front().Name);
+    for (const std::string& name : asked)
+      if (this->GetDescription().FindOutput(name) || name.compare(0, 6, "bounce") == 0)
+        traced.insert(name);
+    const quell::Film film({ 0, 0, 1, 1 }, traced);
+    const bool light = traced.empty() || film.WantsLight();
+
     bool glossy = false, glass = false, seeThrough = false, textures = false, emissive = false;
     for (const quell::Material& m : scene.Materials)
     {
@@ -1023,60 +1029,77 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       if (!has)
         lines.push_back(text);
     };
-    out(glossy, "no glossy material: no specular branch");
-    out(glass, "no transmission: no refraction");
     out(seeThrough, "no alpha: rays stop at the first surface");
-    out(textures, "no textures: no look-ups");
-    out(scene.Sky.Present, "no environment: rays that leave the scene are black");
-    out(emissive, "no emissive material: no area lights");
-    out(!scene.Lights.empty(), "no punctual lights");
     out(scene.Animated(), "nothing moves: geometry is built once, motion is zero");
-    if (this->Internal->Studio)
-      lines.push_back("no light in the scene: a studio sky lights it");
-    if (!scene.HasLight())
-      lines.push_back("no light at all: the image is black");
+    if (light || film.WantsGuides())
+    {
+      out(glossy, "no glossy material: no specular branch");
+      out(glass, "no transmission: no refraction");
+      out(textures, "no textures: no look-ups");
+    }
+    const int bounces = this->Bounces();
+    if (light)
+    {
+      out(scene.Sky.Present, "no environment: rays that leave the scene are black");
+      out(emissive, "no emissive material: no area lights");
+      out(!scene.Lights.empty(), "no punctual lights");
+      if (this->Internal->Studio)
+        lines.push_back("no light in the scene: a studio sky lights it");
+      if (!scene.HasLight())
+        lines.push_back("no light at all: the image is black");
+      lines.push_back(
+        "paths end after " + Counted(bounces, "scattering") +
+        (this->MaximumBounces < 0 ? (scene.MaximumDepth >= 0 ? " (the scene's max_depth)" : " (default)") : ""));
+      if (bounces <= this->RussianRouletteStart)
+        lines.push_back("no Russian roulette: paths are shorter than RussianRouletteStart");
+    }
     if (this->LensRadius > 0)
       lines.push_back("a lens: two random numbers more a sample");
     if (this->ShutterTime > 0 && !scene.Animated())
       lines.push_back("an open shutter, but nothing moves: no ray has a time");
-    const int bounces = this->Bounces();
-    lines.push_back(
-      "paths end after " + std::to_string(bounces) + " scatterings" +
-      (this->MaximumBounces < 0 ? (scene.MaximumDepth >= 0 ? " (the scene's max_depth)" : " (default)") : ""));
-    if (bounces <= this->RussianRouletteStart)
-      lines.push_back("no Russian roulette: paths are shorter than RussianRouletteStart");
-    quell::ArraySet asked = REQUESTED_ARRAYS()->Read(this->GetOutputInformation(0));
-    asked.erase(std::string());
-    if (asked.count(PrimaryArray()))
-      asked.insert(this->GetDescription().Outputs.front().Name);
-    if (!asked.empty())
+    const auto choice = [&](const char* property) { return this->GetDescription().FindProperty(property)->GetText(this); };
+    if (this->PixelFilter != Box || this->FilterRadius > 0)
     {
-      // Which integrator that means is known when the scene is ready for rays; what takes long is not done for a plan.
-      std::size_t triangles = 0;
-      for (const quell::Instance& instance : scene.Instances)
-        triangles += scene.Meshes[std::size_t(instance.Mesh)].Indices.size() / 3;
-      Internals& in = *this->Internal;
-      const bool ready = in.Built && in.BuiltGeneration == in.Generation;
-      if (ready || triangles < 1000000)
+      std::ostringstream text;
+      text << "pixel filter " << choice("PixelFilter") << " of radius " << this->Radius() << " pixels: ";
+      if (this->PixelJitter == PerSample)
+        text << "samples are spread by its density";
+      else
+        text << "without effect, PixelJitter is " << choice("PixelJitter");
+      lines.push_back(text.str());
+    }
+    if (this->SamplePattern != 0)
+      lines.push_back("points of the paths: " + choice("SamplePattern"));
+
+    // Which integrator and which choice of lamps that means is known when the scene is ready for rays; what takes long
+    // is not done for a plan.
+    std::size_t triangles = 0;
+    for (const quell::Instance& instance : scene.Instances)
+      triangles += scene.Meshes[std::size_t(instance.Mesh)].Indices.size() / 3;
+    Internals& in = *this->Internal;
+    const bool ready = in.Built && in.BuiltGeneration == in.Generation && in.BuiltSelection == this->LightSelection;
+    if (!traced.empty() && (ready || triangles < 1000000))
+    {
+      std::unique_ptr<quell::EmbreeScene> made;
+      if (!ready)
       {
-        std::unique_ptr<quell::EmbreeScene> made;
-        if (!ready)
-        {
-          made.reset(new quell::EmbreeScene(in.Loaded, Internals::Options(*this)));
-          made->SetTime(0, 0);
-        }
-        quell::Integrator integrator;
-        integrator.Scene = ready ? in.Built.get() : made.get();
-        integrator.MaximumBounces = bounces;
-        integrator.GuideSamples = this->GuideSamples;
-        integrator.Pattern = quell::SamplePattern(this->SamplePattern);
-        quell::ArraySet traced;
-        for (const std::string& name : asked)
-          if (this->GetDescription().FindOutput(name) || name.compare(0, 6, "bounce") == 0)
-            traced.insert(name);
-        for (std::string& line : integrator.ExplainVariant(quell::Film({ 0, 0, 1, 1 }, traced)))
-          lines.push_back(std::move(line));
+        made.reset(new quell::EmbreeScene(in.Loaded, Internals::Options(*this)));
+        made->SetTime(0, 0);
       }
+      const quell::EmbreeScene& built = ready ? *in.Built : *made;
+      const quell::LightSampler& lamps = built.Lights();
+      const std::size_t count = lamps.GetTriangles().size() + lamps.GetPunctual().size();
+      if (light && count > 1)
+        lines.push_back(Counted(std::int64_t(count), "lamp") + " (triangles and punctual): picked by " +
+                        (lamps.UsesTree() ? "the light tree" : "power") +
+                        (this->LightSelection == 0 ? " (LightSelection Auto)" : ""));
+      quell::Integrator integrator;
+      integrator.Scene = &built;
+      integrator.MaximumBounces = bounces;
+      integrator.GuideSamples = this->GuideSamples;
+      integrator.Pattern = quell::SamplePattern(this->SamplePattern);
+      for (std::string& line : integrator.ExplainVariant(film))
+        lines.push_back(std::move(line));
     }
   }
   catch (const std::exception& e)

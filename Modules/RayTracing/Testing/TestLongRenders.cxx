@@ -464,6 +464,16 @@ TEST(PathTraceScene, ExplainSaysWhatIsNotTraced)
     return text;
   };
   EXPECT_NE(explain({ "depth", "id" }).find("no scattering is traced"), std::string::npos);
+  for (const char* word : { "variant", "scatterings", "lamps", "textures" })
+    EXPECT_EQ(explain({ "depth", "id" }).find(word), std::string::npos) << "the primary hit knows nothing of " << word;
+  EXPECT_NE(explain({ "radiance" }).find("picked by power (LightSelection Auto)"), std::string::npos);
+  s->SetLightSelection(2);
+  EXPECT_NE(explain({ "radiance" }).find("picked by the light tree"), std::string::npos);
+  s->SetLightSelection(0);
+  s->SetPixelFilter(vtkQuellPathTraceSource::Tent);
+  s->SetSamplePattern(1);
+  EXPECT_NE(explain({ "depth" }).find("pixel filter Tent of radius 1 pixels"), std::string::npos);
+  EXPECT_NE(explain({ "depth" }).find("points of the paths: BlueNoise"), std::string::npos);
   EXPECT_NE(explain({ "albedo" }).find("no light is asked for"), std::string::npos);
   EXPECT_NE(explain({ "direct" }).find("no indirect light is asked for"), std::string::npos);
   EXPECT_NE(explain({ "bounce1" }).find("no indirect light is asked for"), std::string::npos);
