@@ -182,54 +182,22 @@ struct Endpoint
 
 const char* const CommandLine = "command line";
 
-/// Visits every attribute of a document that may hold variables, included files too.
+/// EachText of a file, of its variables' defaults and of the files that it includes.
 template <class F>
-void EachText(const PipelineDocument& d, const F& visit)
+void EachTextWithin(const PipelineDocument& d, const F& visit)
 {
   for (const PipelineInclude& i : d.Includes)
   {
     if (i.Content)
     {
-      EachText(*i.Content, visit);
+      EachTextWithin(*i.Content, visit);
     }
   }
   for (const PipelineVariable& v : d.Variables)
   {
     visit(v.Default);
   }
-  visit(d.Time.First);
-  visit(d.Time.Count);
-  visit(d.Time.Rate);
-  for (const PipelineTemplate& t : d.Templates)
-  {
-    for (const PipelineVariable& v : t.Parameters)
-    {
-      visit(v.Default);
-    }
-    for (const PipelinePort& p : t.Outputs)
-    {
-      visit(p.From);
-    }
-    EachText(t.Nodes, visit);
-  }
-  EachText(d.Nodes, visit);
-  for (const PipelineOutput& o : d.Outputs)
-  {
-    visit(o.From);
-    visit(o.File);
-    visit(o.View);
-    visit(o.Display);
-    for (const PipelineProperty& p : o.Properties)
-    {
-      visit(p.Name);
-      visit(p.Value);
-    }
-    for (const PipelineLayer& l : o.Layers)
-    {
-      visit(l.From);
-      visit(l.Name);
-    }
-  }
+  EachText(d, visit);
 }
 
 bool IsName(const std::string& s)
@@ -2347,7 +2315,7 @@ private:
       return; // what a misspelt name was to use or feed is not known
     }
     std::set<std::string> used;
-    EachText(*this->Document,
+    EachTextWithin(*this->Document,
       [&used](const PipelineText& text)
       {
         const std::string& s = text.Value;

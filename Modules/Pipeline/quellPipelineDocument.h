@@ -157,6 +157,46 @@ void EachText(const std::vector<PipelineNode>& nodes, const F& visit)
     }
   }
 }
+
+/// Visits every attribute of one file that may refer to variables, other than the variables' own defaults.
+template <class F>
+void EachText(const PipelineDocument& d, const F& visit)
+{
+  for (const PipelineText* t : { &d.Time.First, &d.Time.Count, &d.Time.Rate })
+  {
+    visit(*t);
+  }
+  for (const PipelineTemplate& t : d.Templates)
+  {
+    for (const PipelineVariable& v : t.Parameters)
+    {
+      visit(v.Default);
+    }
+    for (const PipelinePort& p : t.Outputs)
+    {
+      visit(p.From);
+    }
+    EachText(t.Nodes, visit);
+  }
+  EachText(d.Nodes, visit);
+  for (const PipelineOutput& o : d.Outputs)
+  {
+    for (const PipelineText* t : { &o.From, &o.File, &o.View, &o.Display })
+    {
+      visit(*t);
+    }
+    for (const PipelineProperty& p : o.Properties)
+    {
+      visit(p.Name);
+      visit(p.Value);
+    }
+    for (const PipelineLayer& l : o.Layers)
+    {
+      visit(l.From);
+      visit(l.Name);
+    }
+  }
+}
 }
 
 #endif

@@ -135,39 +135,7 @@ private:
     std::set<std::string> names;
     const auto visit = [&names](const PipelineText& t) { CollectNames(t.Value, names); };
     const PipelineDocument& d = *this->Out;
-    for (const PipelineText* t : { &d.Time.First, &d.Time.Count, &d.Time.Rate })
-    {
-      visit(*t);
-    }
-    for (const PipelineTemplate& t : d.Templates)
-    {
-      for (const PipelineVariable& p : t.Parameters)
-      {
-        visit(p.Default);
-      }
-      for (const PipelinePort& p : t.Outputs)
-      {
-        visit(p.From);
-      }
-      EachText(t.Nodes, visit);
-    }
-    EachText(d.Nodes, visit);
-    for (const PipelineOutput& o : d.Outputs)
-    {
-      for (const PipelineText* t : { &o.From, &o.File, &o.View, &o.Display })
-      {
-        visit(*t);
-      }
-      for (const PipelineProperty& p : o.Properties)
-      {
-        visit(p.Value);
-      }
-      for (const PipelineLayer& l : o.Layers)
-      {
-        visit(l.From);
-        visit(l.Name);
-      }
-    }
+    EachText(d, visit);
     for (std::size_t before = 0; before != names.size();)
     {
       before = names.size();

@@ -4,12 +4,16 @@
 #ifndef PipelineTestStages_h
 #define PipelineTestStages_h
 
+#include "quellPipelineExecutor.h"
+#include "quellPipelineReader.h"
 #include "quellStageRegistry.h"
 #include "vtkDataArray.h"
 #include "vtkImageData.h"
 #include "vtkObjectFactory.h"
 #include "vtkPointData.h"
 #include "vtkQuellStage.h"
+
+#include <gtest/gtest.h>
 
 #include <cstdint>
 #include <cstring>
@@ -470,6 +474,26 @@ inline const quell::StageRegistry& Registry()
     return r;
   }();
   return registry;
+}
+
+/// The graph of a pipeline with this inside; a mistake in it fails the test.
+inline std::shared_ptr<quell::Graph> Load(const std::string& body, const quell::GraphOptions& options = {})
+{
+  quell::Diagnostics messages;
+  const auto document =
+    quell::ReadPipelineText("<pipeline version=\"1\">" + body + "</pipeline>", "t.xml", messages);
+  auto graph = quell::BuildGraph(document, Registry(), options, messages);
+  EXPECT_FALSE(messages.HasErrors()) << messages.ToText();
+  return graph;
+}
+
+inline quell::StageCounters CountersOf(const quell::PipelineExecutor& executor, const std::string& node)
+{
+  for (const quell::NodeCounters& c : executor.Counters())
+    if (c.Path == node)
+      return c.Counters;
+  ADD_FAILURE() << "no live node " << node;
+  return {};
 }
 }
 

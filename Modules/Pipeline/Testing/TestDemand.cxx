@@ -8,28 +8,12 @@
 #include <gtest/gtest.h>
 
 using namespace quell;
+using pipelinetest::CountersOf;
+using pipelinetest::Load;
 using pipelinetest::TheLog;
 
 namespace
 {
-std::shared_ptr<Graph> Load(const std::string& body, const GraphOptions& options = {})
-{
-  Diagnostics messages;
-  const auto document = ReadPipelineText("<pipeline version=\"1\">" + body + "</pipeline>", "t.xml", messages);
-  auto graph = BuildGraph(document, pipelinetest::Registry(), options, messages);
-  EXPECT_FALSE(messages.HasErrors()) << messages.ToText();
-  return graph;
-}
-
-StageCounters CountersOf(const PipelineExecutor& executor, const std::string& node)
-{
-  for (const NodeCounters& c : executor.Counters())
-    if (c.Path == node)
-      return c.Counters;
-  ADD_FAILURE() << "no live node " << node;
-  return {};
-}
-
 const std::string Temporal = R"xml(
   <time first="0" count="8"/>
   <node id="pt" type="TestSource"/>

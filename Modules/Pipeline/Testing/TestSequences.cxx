@@ -19,19 +19,11 @@
 
 namespace fs = std::filesystem;
 using namespace quell;
+using pipelinetest::Load;
 using pipelinetest::TheLog;
 
 namespace
 {
-std::shared_ptr<Graph> Load(const std::string& body, const GraphOptions& options = {})
-{
-  Diagnostics messages;
-  const auto document = ReadPipelineText("<pipeline version=\"1\">" + body + "</pipeline>", "t.xml", messages);
-  auto graph = BuildGraph(document, pipelinetest::Registry(), options, messages);
-  EXPECT_FALSE(messages.HasErrors()) << messages.ToText();
-  return graph;
-}
-
 /// A folder of the test's own, gone afterwards.
 class Sequences : public ::testing::Test
 {

@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "SceneBuilder.h"
+#include "SourceTesting.h"
 #include "quellCamera.h"
 #include "quellFrameFacts.h"
 #include "quellRegisterRayTracing.h"
 #include "quellStageRegistry.h"
-#include "vtkQuellCollector.h"
-#include "vtkQuellPathTraceSource.h"
 
-#include "vtkFloatArray.h"
-#include "vtkImageData.h"
-#include "vtkNew.h"
 #include "vtkObject.h"
-#include "vtkPointData.h"
 #include "vtkSMPTools.h"
 #include "vtkStreamingDemandDrivenPipeline.h"
 
@@ -22,24 +16,19 @@
 #include <cstring>
 
 using namespace quell;
+using sourcetesting::Array;
+using sourcetesting::Configure;
+using sourcetesting::Copy;
 
 namespace
 {
-/// A room with a lamp, a metal sphere and a mirror, open to a grey sky.
+/// The room, with its sphere and its camera on the move if asked for.
 std::shared_ptr<Scene> Room(bool moving = false)
 {
-  SceneBuilder b;
-  const int white = b.Add(SceneBuilder::Lambert(.7f)), lamp = b.Add(SceneBuilder::Lambert(0, 8)),
-            metal = b.Add(SceneBuilder::Metal(.8f, .4f)), mirror = b.Add(SceneBuilder::Metal(.9f, 0));
-  b.Quad(white, { -2, 0, 2 }, { 4, 0, 0 }, { 0, 0, -4 });
-  b.Quad(mirror, { -2, 0, -2 }, { 4, 0, 0 }, { 0, 1.5f, 0 });
-  b.Quad(lamp, { -.4f, 2, -.4f }, { .8f, 0, 0 }, { 0, 0, .8f });
-  b.Sphere(metal, { .5f, .5f, 0 }, .5f, 16);
-  b.Sky(.2f);
-  b.Camera({ 0, 1, 4 }, .7, .1);
+  std::shared_ptr<Scene> room = sourcetesting::Room();
   if (moving)
   {
-    Scene& s = *b.Scene;
+    Scene& s = *room;
     AnimationChannel c;
     c.Node = 3;
     c.Times = { 0, 10 };
@@ -54,36 +43,13 @@ std::shared_ptr<Scene> Room(bool moving = false)
     c.Values = { 0, 1, 4, 2, 1, 4 };
     s.Animation.push_back(c);
   }
-  return b.Scene;
+  return room;
 }
 
-void Configure(
-  vtkQuellPathTraceSource* s, std::shared_ptr<const Scene> scene, int width = 40, int height = 32, int spp = 2)
-{
-  s->SetScene(scene);
-  s->SetWidth(width);
-  s->SetHeight(height);
-  s->SetSamplesPerPixel(spp);
-  s->SetMaximumBounces(4);
-}
-
-vtkFloatArray* Array(vtkQuellPathTraceSource* s, const char* name)
-{
-  return vtkFloatArray::SafeDownCast(s->GetOutput()->GetPointData()->GetArray(name));
-}
-
-std::vector<float> Copy(vtkQuellPathTraceSource* s, const char* name)
-{
-  vtkFloatArray* a = Array(s, name);
-  return a ? std::vector<float>(a->GetPointer(0), a->GetPointer(0) + a->GetNumberOfValues()) : std::vector<float>();
-}
-
-/// Exactly these arrays; an Update() would want radiance too.
+/// Exactly these arrays of tick 0.
 void Ask(vtkQuellPathTraceSource* s, const ArraySet& names)
 {
-  vtkNew<vtkQuellCollector> collector;
-  collector->AddRequest(s, names);
-  EXPECT_TRUE(collector->UpdateTick(0)) << s->GetErrorText();
+  EXPECT_TRUE(sourcetesting::Ask(s, names)) << s->GetErrorText();
 }
 
 const ArraySet Everything = { "radiance", "emission", "direct", "indirect", "albedo", "normal", "roughness", "depth",
