@@ -166,6 +166,7 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
 
   QUELL_PATH(d, Scene, "glTF 2.0 (.gltf, .glb) or OBJ file");
   QUELL_STRING(d, Camera, "name or number of a camera; empty: the first, or one that frames the whole scene");
+  QUELL_STRING(d, Animation, "name or number of a glTF animation; empty: all that move different things");
   QUELL_PATH(d, Environment, "latitude-longitude image that replaces the scene's environment");
   QUELL_ENUM(d, DefaultSky,
     "whether a studio sky lights a scene without environment: where it has no light at all, always, never", "WhenDark",
@@ -226,6 +227,16 @@ void vtkQuellPathTraceSource::SetCamera(const std::string& name)
   if (this->Camera != name)
   {
     this->Camera = name;
+    this->Modified();
+  }
+}
+
+void vtkQuellPathTraceSource::SetAnimation(const std::string& name)
+{
+  if (this->Animation != name)
+  {
+    this->Animation = name;
+    this->Internal->Loaded = nullptr;
     this->Modified();
   }
 }
@@ -320,9 +331,11 @@ const quell::Scene& vtkQuellPathTraceSource::LoadedScene()
   if (!in.Given && this->Scene.empty())
     throw quell::StageError(NoScene);
   in.Loaded = nullptr;
+  quell::SceneOptions options;
+  options.Animation = this->Animation;
   try
   {
-    std::shared_ptr<const quell::Scene> scene = in.Given ? in.Given : quell::LoadScene(this->Scene);
+    std::shared_ptr<const quell::Scene> scene = in.Given ? in.Given : quell::LoadScene(this->Scene, options);
     if (!this->Environment.empty())
     {
       auto lit = std::make_shared<quell::Scene>(*scene);

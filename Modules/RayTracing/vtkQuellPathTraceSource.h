@@ -105,6 +105,11 @@ public:
   const std::string& GetCamera() const { return this->Camera; }
   ///@}
   ///@{
+  /// Name or number (0 ...) of the glTF animation to play; empty: all that move different things.
+  void SetAnimation(const std::string& name);
+  const std::string& GetAnimation() const { return this->Animation; }
+  ///@}
+  ///@{
   /// Latitude-longitude image, instead of the scene's environment.
   void SetEnvironment(const std::string& file);
   const std::string& GetEnvironment() const { return this->Environment; }
@@ -247,7 +252,7 @@ private:
   void Sample(
     quell::StageFrame& frame, std::vector<std::unique_ptr<Traced>>& work, const quell::Integrator& integrator);
 
-  std::string Scene, Camera, Environment;
+  std::string Scene, Camera, Animation, Environment;
   int Width = 0, Height = 0, SamplesPerPixel = 1, FirstSample = 0, MaximumBounces = -1, RussianRouletteStart = 3;
   int Seed = 0, PixelJitter = PerSample, DefaultSky = WhenDark, LensBlades = 0, PixelFilter = Box, GuideSamples = 0, SamplePattern = 0, LightSelection = 0;
   double SampleClamp = 0, LensRadius = 0, FocusDistance = 0, ShutterTime = 0, FilterRadius = 0;

@@ -9,6 +9,7 @@
 #include "quellGltfAccess.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -43,8 +44,9 @@ bool Contains(const char* const (&list)[N], const std::string& name)
 class GltfReader
 {
 public:
-  GltfReader(Scene& scene, const GltfContainer& container, ContentHash& hash)
+  GltfReader(Scene& scene, const GltfContainer& container, ContentHash& hash, const std::string& animation)
     : Out(scene)
+    , Animation(animation)
     , Root(container.Document, scene.File, "")
     , Access(Root, scene.File, container, hash)
     , Hash(hash)
@@ -86,6 +88,7 @@ private:
   std::size_t TargetsOf(const JsonValue& mesh) const;
   void ReadSkins();
   void ReadAnimations();
+  std::size_t FindAnimation(const std::string& name) const;
   bool ReadChannel(const JsonValue& animation, const JsonValue& channel, AnimationChannel& out);
   TextureUse ReadTextureUse(const JsonValue& info);
   const Texture& ReadImage(std::size_t source);
@@ -105,6 +108,7 @@ private:
   }
 
   Scene& Out;
+  const std::string& Animation;
   JsonValue Root;
   GltfAccess Access;
   ContentHash& Hash;
@@ -1280,13 +1284,36 @@ bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channe
   return true;
 }
 
+std::size_t GltfReader::FindAnimation(const std::string& name) const
+{
+  const JsonValue list = this->Root.Get("animations");
+  const std::size_t count = this->Root.CountOf("animations");
+  std::string known;
+  for (std::size_t a = 0; a < count; ++a)
+  {
+    const std::string one = list.At(a).StringOr("name", "");
+    if (one == name)
+      return a;
+    known += (a > 0 ? ", " : "") + std::to_string(a) + (one.empty() ? "" : " \"" + one + "\"");
+  }
+  std::size_t index = 0;
+  const char* const end = name.data() + name.size();
+  const auto parsed = std::from_chars(name.data(), end, index);
+  if (parsed.ec == std::errc() && parsed.ptr == end && index < count)
+    return index;
+  Fail(this->Out.File, "", "no animation \"" + name + "\"; the scene has " + (count > 0 ? known : "none"),
+    "name one of them, or none to play all that move different things");
+}
+
 /// Clips that move different things play together; a clip that would move what an earlier one moves is left out.
 void GltfReader::ReadAnimations()
 {
   const std::size_t count = this->Root.CountOf("animations");
   std::vector<std::pair<int, AnimatedPath>> taken;
   std::vector<AnimationChannel> all;
-  for (std::size_t a = 0; a < count; ++a)
+  const bool one = !this->Animation.empty();
+  const std::size_t first = one ? this->FindAnimation(this->Animation) : 0;
+  for (std::size_t a = first; a < (one ? first + 1 : count); ++a)
   {
     const JsonValue animation = this->Root.Get("animations").At(a);
     const std::size_t channels = animation.Get("channels").Size();
@@ -1304,7 +1331,7 @@ void GltfReader::ReadAnimations()
     {
       this->Warn(animation,
         "the animation \"" + animation.StringOr("name", "") + "\" moves what an earlier one moves and is left out",
-        "keep one of them in the file");
+        "choose the clip to play (Animation), or keep one of them in the file");
       continue;
     }
     for (AnimationChannel& channel : clip)
@@ -1332,10 +1359,10 @@ void GltfReader::ReadAnimations()
 }
 }
 
-void ReadGltf(Scene& scene, const Bytes& content, ContentHash& hash)
+void ReadGltf(Scene& scene, const Bytes& content, ContentHash& hash, const std::string& animation)
 {
   const GltfContainer container = OpenGltf(scene.File, content);
-  GltfReader(scene, container, hash).Read();
+  GltfReader(scene, container, hash, animation).Read();
 }
 }
 }

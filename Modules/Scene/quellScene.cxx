@@ -21,7 +21,7 @@ static std::string Extension(const std::string& file)
   return e;
 }
 
-std::shared_ptr<const Scene> LoadScene(const std::string& file)
+std::shared_ptr<const Scene> LoadScene(const std::string& file, const SceneOptions& options)
 {
   auto scene = std::make_shared<Scene>();
   scene->File = file;
@@ -36,10 +36,12 @@ std::shared_ptr<const Scene> LoadScene(const std::string& file)
       detail::Fail(file, "", "the scene cannot be read: " + reason, "correct the path");
     detail::ContentHash hash;
     hash.Add(content.data(), content.size());
-    if (extension == ".obj")
+    if (extension != ".obj")
+      detail::ReadGltf(*scene, content, hash, options.Animation);
+    else if (options.Animation.empty())
       detail::ReadObj(*scene, content, hash);
     else
-      detail::ReadGltf(*scene, content, hash);
+      detail::Fail(file, "", "no animation \"" + options.Animation + "\": OBJ files have none", "leave it empty");
     detail::CheckLights(*scene);
     if (scene->Instances.empty())
       detail::Warn(*scene, "", "the scene has no triangles", "check that the right file or scene was exported");

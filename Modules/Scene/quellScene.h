@@ -305,13 +305,19 @@ struct VTKQUELLSCENE_EXPORT Scene
   double Duration() const; ///< seconds; 0 where nothing is animated
 };
 
+struct SceneOptions
+{
+  /// Name or number (0 ...) of the one animation clip of a glTF file to play; empty: all that move different things.
+  std::string Animation;
+};
+
 /// Reads .gltf, .glb or .obj. Throws SceneError ("file: place: what; remedy"); recoverable trouble goes into Warnings
 /// in the same form: a missing image (white; black where it is the picture of an emission), triangles with positions
 /// that are not finite (dropped), points and lines (skipped), values outside of their range (clamped), extensions we do
 /// not know (ignored). Compressed meshes and other extensions that a file *requires* are errors.
 ///
 /// glTF: the default scene (or the first) is instanced; all nodes and materials keep their place in the file. Animation
-/// clips that move different things play together. A node with EXT_mesh_gpu_instancing gets one child node per
+/// clips that move different things play together, unless one is chosen. A node with EXT_mesh_gpu_instancing gets one child node per
 /// instance, behind the nodes of the file. WebP images are read where OpenImageIO can.
 ///
 /// OBJ has no camera and none is made. One node per group or object, all double-sided, v flipped to point down.
@@ -329,7 +335,7 @@ struct VTKQUELLSCENE_EXPORT Scene
 ///   d or Tr                       Alpha, Blend; map_d goes into the alpha of the base colour, Mask where it is only 0
 ///                                 or 1
 ///   map_Kd, norm, -s, -o, -clamp  BaseColorTexture, NormalTexture, Transform, Wrap; Pr and Pm override
-VTKQUELLSCENE_EXPORT std::shared_ptr<const Scene> LoadScene(const std::string& file);
+VTKQUELLSCENE_EXPORT std::shared_ptr<const Scene> LoadScene(const std::string& file, const SceneOptions& options = {});
 
 /// Reads a latitude-longitude image (any format OpenImageIO reads) into `scene` as its environment, scaled by `scale`.
 VTKQUELLSCENE_EXPORT void LoadEnvironment(Scene& scene, const std::string& file, float scale = 1);

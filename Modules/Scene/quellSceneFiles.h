@@ -71,7 +71,7 @@ inline float ToFloat(double v) noexcept
   return v > largest ? float(largest) : v < -largest ? -float(largest) : v == v ? float(v) : 0.f;
 }
 
-void ReadGltf(Scene& scene, const Bytes& content, ContentHash& hash);
+void ReadGltf(Scene& scene, const Bytes& content, ContentHash& hash, const std::string& animation);
 void ReadObj(Scene& scene, const Bytes& content, ContentHash& hash);
 
 /// "a, b, c and 5 more".

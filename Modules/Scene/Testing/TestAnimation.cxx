@@ -138,6 +138,44 @@ TEST(Animation, ClipsThatMoveTheSameNodeAreLeftOut)
   EXPECT_TRUE(HasWarning(*scene, "animations[2]"));
 }
 
+TEST(Animation, OneClipCanBeChosenByNameOrNumber)
+{
+  Gltf g;
+  g.Animate("translation", "LINEAR", { 0, 1 }, { 0, 0, 0, 1, 0, 0 }, 3);
+  g.Animate("translation", "LINEAR", { 0, 9 }, { 5, 5, 5, 6, 6, 6 }, 3);
+  g.Doc["animations"][0]["name"] = "walk";
+  g.Doc["animations"][1]["name"] = "run";
+  const std::string file = g.WriteGltf();
+  const auto choose = [&](const char* name)
+  {
+    SceneOptions options;
+    options.Animation = name;
+    return LoadScene(file, options);
+  };
+  for (const char* name : { "run", "1" })
+  {
+    EXPECT_DOUBLE_EQ(choose(name)->Duration(), 9) << name;
+    EXPECT_TRUE(choose(name)->Warnings.empty()) << name;
+  }
+  EXPECT_DOUBLE_EQ(choose("walk")->Duration(), 1);
+  const auto refusal = [&](const char* name) -> std::string
+  {
+    try
+    {
+      choose(name);
+    }
+    catch (const SceneError& e)
+    {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_NE(refusal("fly").find("no animation \"fly\"; the scene has 0 \"walk\", 1 \"run\""), std::string::npos);
+  EXPECT_NE(refusal("2").find("no animation \"2\""), std::string::npos);
+  EXPECT_NE(refusal("-1").find("no animation"), std::string::npos);
+  std::remove(file.c_str());
+}
+
 TEST(Animation, Errors)
 {
   {
