@@ -914,27 +914,8 @@ const char* CompressionName(FileCompression c)
   return names[int(c)];
 }
 
-/// Sends rows top down, a block at a time, `fill(y, row)` making row y (0 at the bottom) of interleaved channels.
-void SendRows(const std::string& target, OIIO::ImageOutput& output, const OIIO::ImageSpec& spec, const Rect& region,
-  const std::function<void(int, float*)>& fill)
-{
-  const size_t row = size_t(region.width()) * spec.nchannels;
-  int step = 256;
-  while (step > 32 && row * step * sizeof(float) > (size_t(64) << 20))
-    step /= 2;
-  std::vector<float> buffer(row * std::min(step, region.height()));
-  for (int y = 0; y < region.height(); y += step)
-  {
-    const int end = std::min(y + step, region.height());
-    for (int i = y; i < end; ++i)
-      fill(region.y1 - 1 - i, buffer.data() + row * (i - y));
-    if (!output.write_scanlines(spec.y + y, spec.y + end, 0, OIIO::TypeFloat, buffer.data()))
-      Refuse("write", target, OneLine(output.geterror()), "is the disk full?");
-  }
-}
-
-void WriteExr(const std::string& path, const std::string& temporary, const std::vector<OutLayer>& layers,
-  const FrameFacts& facts, const Rect& region, int width, int height, const WriteOptions& options, WriteReport& report)
+OIIO::ImageSpec ExrSpec(const std::vector<OutLayer>& layers, const FrameFacts& facts, const Rect& region, int width,
+  int height, const WriteOptions& options)
 {
   OIIO::ImageSpec spec(region.width(), region.height(), 0, OIIO::TypeFloat);
   spec.x = region.x0;
@@ -990,122 +971,54 @@ void WriteExr(const std::string& path, const std::string& temporary, const std::
     spec.attribute("quell:scene", facts.Scene);
   if (!facts.Partial.empty())
     spec.attribute("quell:partial", facts.Partial);
-
-  auto output = OIIO::ImageOutput::create("openexr");
-  if (!output)
-    Refuse("write", path, "OpenImageIO was built without OpenEXR", "");
-  if (!output->open(temporary, spec))
-    Refuse("write", path, OneLine(output->geterror()), "check that the directory can be written to");
-  std::vector<std::int64_t> clamped(layers.size(), 0);
-  SendRows(path, *output, spec, region,
-    [&](int y, float* row)
-    {
-      int first = 0;
-      for (size_t l = 0; l < layers.size(); ++l)
-      {
-        const OutLayer& layer = layers[l];
-        const int n = layer.View.components;
-        const float* in = layer.View.at(region.x0, y);
-        float* out = row + first;
-        for (int x = 0; x < region.width(); ++x, in += n, out += spec.nchannels)
-        {
-          for (int c = 0; c < n; ++c)
-            out[c] = in[c];
-          if (layer.Kind == ArrayKind::Motion && n > 1)
-            out[1] = -out[1];
-          if (layer.AsHalf)
-            for (int c = 0; c < n; ++c)
-              if (std::isfinite(out[c]) && std::fabs(out[c]) > MaximumHalf)
-              {
-                out[c] = std::copysign(MaximumHalf, out[c]);
-                ++clamped[l];
-              }
-        }
-        first += n;
-      }
-    });
-  if (!output->close())
-    Refuse("write", path, OneLine(output->geterror()), "is the disk full?");
-  for (size_t l = 0; l < layers.size(); ++l)
-    if (clamped[l])
-    {
-      report.Clamped += clamped[l];
-      report.Warnings.push_back("\"" + path + "\": " + std::to_string(clamped[l]) + " values of \"" + layers[l].Name +
-                                "\" beyond 65504 were clamped for half precision");
-    }
+  return spec;
 }
 
-void WriteOther(const std::string& path, const std::string& temporary, const std::string& extension,
-  const std::vector<OutLayer>& layers, const Rect& region, WriteReport& report)
+/// Which of the layers of a file of another format is its colour, and which its alpha.
+struct PlainLayers
 {
-  const OutLayer* colour = &layers[0];
-  const OutLayer* alpha = nullptr;
+  std::size_t Colour = 0;
+  int Alpha = -1;
+  int Channels = 0; ///< of the colour in the file
+  bool Linear = false;
+};
+
+PlainLayers FindPlainLayers(
+  const std::string& path, const std::string& extension, const std::vector<OutLayer>& layers)
+{
+  PlainLayers plain;
+  const OutLayer& colour = layers[0];
   if (layers.size() == 2 && layers[1].View.components == 1 && layers[1].Name == "alpha")
-    alpha = &layers[1];
-  if (layers.size() > (alpha ? 2u : 1u))
+    plain.Alpha = 1;
+  if (layers.size() > (plain.Alpha > 0 ? 2u : 1u))
     Refuse("write", path,
       "a " + extension + " file holds one colour layer, but " + std::to_string(layers.size()) + " are connected",
       "write .exr, or one file per layer");
-  const bool linear = extension == ".hdr" || extension == ".pfm";
-  const int n = linear ? 3 : colour->View.components;
-  if (colour->View.components == 2 || (linear && colour->View.components > 3))
+  plain.Linear = extension == ".hdr" || extension == ".pfm";
+  plain.Channels = plain.Linear ? 3 : colour.View.components;
+  if (colour.View.components == 2 || (plain.Linear && colour.View.components > 3))
     Refuse("write", path,
-      "the array \"" + colour->Name + "\" has " + std::to_string(colour->View.components) + " components, which a " +
+      "the array \"" + colour.Name + "\" has " + std::to_string(colour.View.components) + " components, which a " +
         extension + " file cannot hold",
       "write .exr");
   if (extension != ".png" && extension != ".tif" && extension != ".tiff" && extension != ".tga")
-    alpha = nullptr;
-  const int channels = n + (alpha ? 1 : 0);
-  OIIO::ImageSpec spec(region.width(), region.height(), channels, linear ? OIIO::TypeFloat : OIIO::TypeUInt8);
-  if (alpha)
+    plain.Alpha = -1;
+  return plain;
+}
+
+OIIO::ImageSpec PlainSpec(const PlainLayers& plain, const std::string& extension, const Rect& region)
+{
+  const int channels = plain.Channels + (plain.Alpha > 0 ? 1 : 0);
+  OIIO::ImageSpec spec(region.width(), region.height(), channels, plain.Linear ? OIIO::TypeFloat : OIIO::TypeUInt8);
+  if (plain.Alpha > 0)
   {
-    spec.alpha_channel = n;
+    spec.alpha_channel = plain.Channels;
     spec.attribute("oiio:UnassociatedAlpha", 1);
   }
-  spec.attribute("oiio:ColorSpace", linear ? "Linear" : "sRGB");
+  spec.attribute("oiio:ColorSpace", plain.Linear ? "Linear" : "sRGB");
   if (extension == ".jpg" || extension == ".jpeg")
     spec.attribute("Compression", "jpeg:95");
-  // The extension alone, without a dot, names the format.
-  auto output = OIIO::ImageOutput::create(extension.substr(1));
-  if (!output)
-    Refuse("write", path, "OpenImageIO writes no " + extension + " files", "write .exr, .png, .jpg, .tif or .hdr");
-  if (!output->open(temporary, spec))
-    Refuse("write", path, OneLine(output->geterror()), "check that the directory can be written to");
-  const bool encoded = colour->Kind == ArrayKind::Display;
-  SendRows(path, *output, spec, region,
-    [&](int y, float* row)
-    {
-      const float* in = colour->View.at(region.x0, y);
-      for (int x = 0; x < region.width(); ++x, in += colour->View.components, row += channels)
-      {
-        for (int c = 0; c < n; ++c)
-        {
-          float v = in[colour->View.components == 1 ? 0 : c];
-          if (!linear)
-          {
-            if (!std::isfinite(v))
-            {
-              ++report.NonFinite;
-              v = 0;
-            }
-            v = std::min(1.f, std::max(0.f, v));
-            // Quantised here, so that rounding does not depend on the library: to the nearest of 255 steps.
-            v = std::floor((encoded ? v : EncodeSrgb(v)) * 255.f + 0.5f) / 255.f;
-          }
-          row[c] = v;
-        }
-        if (alpha)
-        {
-          const float a = alpha->View.at(region.x0 + x, y)[0];
-          row[n] = std::isfinite(a) ? std::floor(std::min(1.f, std::max(0.f, a)) * 255.f + 0.5f) / 255.f : 0.f;
-        }
-      }
-    });
-  if (!output->close())
-    Refuse("write", path, OneLine(output->geterror()), "is the disk full?");
-  if (report.NonFinite)
-    report.Warnings.push_back(
-      "\"" + path + "\": " + std::to_string(report.NonFinite) + " values that are not finite were written as 0");
+  return spec;
 }
 }
 
@@ -1143,49 +1056,223 @@ void CheckWritable(const std::string& path)
     Refuse("write", path, "no files can be made in \"" + place.string() + "\"", "choose another place");
 }
 
+struct ImageFileWriter::Internals
+{
+  std::string Path, Extension;
+  WriteOptions Options;
+  FrameFacts Facts;
+  Rect Region;
+  int Width = 0, Height = 0;
+  std::unique_ptr<TemporaryFile> Temporary;
+  std::unique_ptr<OIIO::ImageOutput> Output; ///< closed before the temporary file goes
+  OIIO::ImageSpec Spec;
+  PlainLayers Plain;
+  int Next = 0; ///< the row above what comes next
+  std::vector<std::string> Names, Channels;
+  std::vector<std::int64_t> Clamped; ///< per layer
+  WriteReport Report;
+
+  bool Exr() const { return this->Extension == ".exr"; }
+  void Open(const std::vector<OutLayer>& layers);
+  void FillExr(const std::vector<OutLayer>& layers, int y, float* row);
+  void FillPlain(const std::vector<OutLayer>& layers, int y, float* row);
+};
+
+void ImageFileWriter::Internals::Open(const std::vector<OutLayer>& layers)
+{
+  const fs::path parent = fs::path(this->Path).parent_path();
+  if (!parent.empty())
+  {
+    std::error_code ec;
+    fs::create_directories(parent, ec);
+    if (ec || !fs::is_directory(parent))
+      Refuse("write", this->Path,
+        "the directory \"" + parent.string() +
+          "\" cannot be made: " + (ec ? ec.message() : std::string("a file has its name")),
+        "choose another place");
+  }
+  if (this->Exr())
+    this->Spec = ExrSpec(layers, this->Facts, this->Region, this->Width, this->Height, this->Options);
+  else
+  {
+    this->Plain = FindPlainLayers(this->Path, this->Extension, layers);
+    this->Spec = PlainSpec(this->Plain, this->Extension, this->Region);
+  }
+  this->Temporary = std::make_unique<TemporaryFile>(this->Path);
+  // The extension alone, without a dot, names the format.
+  this->Output = OIIO::ImageOutput::create(this->Exr() ? "openexr" : this->Extension.substr(1));
+  if (!this->Output)
+    Refuse("write", this->Path, "OpenImageIO writes no " + this->Extension + " files",
+      "write .exr, .png, .jpg, .tif or .hdr");
+  if (!this->Output->open(this->Temporary->Path, this->Spec))
+    Refuse("write", this->Path, OneLine(this->Output->geterror()), "check that the directory can be written to");
+  this->Clamped.assign(layers.size(), 0);
+  for (const OutLayer& layer : layers)
+  {
+    this->Names.push_back(layer.Name);
+    this->Channels.insert(this->Channels.end(), layer.Channels.begin(), layer.Channels.end());
+  }
+}
+
+void ImageFileWriter::Internals::FillExr(const std::vector<OutLayer>& layers, int y, float* row)
+{
+  int first = 0;
+  for (size_t l = 0; l < layers.size(); ++l)
+  {
+    const OutLayer& layer = layers[l];
+    const int n = layer.View.components;
+    const float* in = layer.View.at(this->Region.x0, y);
+    float* out = row + first;
+    for (int x = 0; x < this->Region.width(); ++x, in += n, out += this->Spec.nchannels)
+    {
+      for (int c = 0; c < n; ++c)
+        out[c] = in[c];
+      if (layer.Kind == ArrayKind::Motion && n > 1)
+        out[1] = -out[1];
+      if (layer.AsHalf)
+        for (int c = 0; c < n; ++c)
+          if (std::isfinite(out[c]) && std::fabs(out[c]) > MaximumHalf)
+          {
+            out[c] = std::copysign(MaximumHalf, out[c]);
+            ++this->Clamped[l];
+          }
+    }
+    first += n;
+  }
+}
+
+void ImageFileWriter::Internals::FillPlain(const std::vector<OutLayer>& layers, int y, float* row)
+{
+  const OutLayer& colour = layers[this->Plain.Colour];
+  const OutLayer* const alpha = this->Plain.Alpha > 0 ? &layers[std::size_t(this->Plain.Alpha)] : nullptr;
+  const bool encoded = colour.Kind == ArrayKind::Display;
+  const int n = this->Plain.Channels;
+  const float* in = colour.View.at(this->Region.x0, y);
+  for (int x = 0; x < this->Region.width(); ++x, in += colour.View.components, row += this->Spec.nchannels)
+  {
+    for (int c = 0; c < n; ++c)
+    {
+      float v = in[colour.View.components == 1 ? 0 : c];
+      if (!this->Plain.Linear)
+      {
+        if (!std::isfinite(v))
+        {
+          ++this->Report.NonFinite;
+          v = 0;
+        }
+        v = std::min(1.f, std::max(0.f, v));
+        // Quantised here, so that rounding does not depend on the library: to the nearest of 255 steps.
+        v = std::floor((encoded ? v : EncodeSrgb(v)) * 255.f + 0.5f) / 255.f;
+      }
+      row[c] = v;
+    }
+    if (alpha)
+    {
+      const float a = alpha->View.at(this->Region.x0 + x, y)[0];
+      row[n] = std::isfinite(a) ? std::floor(std::min(1.f, std::max(0.f, a)) * 255.f + 0.5f) / 255.f : 0.f;
+    }
+  }
+}
+
+ImageFileWriter::ImageFileWriter(const std::string& path, const FrameFacts& facts, const WriteOptions& options)
+  : Internal(new Internals)
+{
+  Internals& in = *this->Internal;
+  in.Path = path;
+  in.Facts = facts;
+  in.Options = options;
+  in.Region = options.Region;
+  in.Width = options.Width;
+  in.Height = options.Height;
+  in.Next = in.Region.y1;
+  if (path.empty())
+    throw StageError("no file name given to write to; set File");
+  if (in.Region.empty())
+    Refuse("write", path, "the image is empty or has several slices", "");
+  if (!Rect{ 0, 0, in.Width, in.Height }.contains(in.Region))
+    Refuse("write", path, "the region lies outside the frame", "");
+  in.Extension = KnownExtension(path);
+}
+
+ImageFileWriter::~ImageFileWriter() = default;
+
+void ImageFileWriter::Write(const Rect& band, vtkImageData* image, const std::vector<LayerSpec>& layers)
+{
+  Internals& in = *this->Internal;
+  Guarded("write", in.Path,
+    [&]
+    {
+      const std::vector<OutLayer> ready = PrepareLayers(in.Path, image, layers, band, in.Options.Half);
+      if (!in.Output)
+        in.Open(ready);
+      std::vector<std::string> channels;
+      for (const OutLayer& layer : ready)
+        channels.insert(channels.end(), layer.Channels.begin(), layer.Channels.end());
+      if (channels != in.Channels || band.x0 != in.Region.x0 || band.x1 != in.Region.x1 || band.y1 != in.Next ||
+        band.y0 < in.Region.y0)
+        Refuse("write", in.Path, "a band of rows does not go on where the last one ended", "");
+      const size_t row = size_t(band.width()) * size_t(in.Spec.nchannels);
+      int step = 256;
+      while (step > 32 && row * step * sizeof(float) > (size_t(64) << 20))
+        step /= 2;
+      std::vector<float> buffer(row * std::min(step, band.height()));
+      for (int top = band.y1; top > band.y0; top -= step)
+      {
+        const int count = std::min(step, top - band.y0), first = in.Spec.y + in.Region.y1 - top;
+        for (int i = 0; i < count; ++i)
+          in.Exr() ? in.FillExr(ready, top - 1 - i, buffer.data() + row * i)
+                   : in.FillPlain(ready, top - 1 - i, buffer.data() + row * i);
+        if (!in.Output->write_scanlines(first, first + count, 0, OIIO::TypeFloat, buffer.data()))
+          Refuse("write", in.Path, OneLine(in.Output->geterror()), "is the disk full?");
+      }
+      in.Next = band.y0;
+    });
+}
+
+WriteReport ImageFileWriter::Finish()
+{
+  Internals& in = *this->Internal;
+  Guarded("write", in.Path,
+    [&]
+    {
+      if (!in.Output || in.Next != in.Region.y0)
+        Refuse("write", in.Path, "rows of it are missing", "");
+      if (!in.Output->close())
+        Refuse("write", in.Path, OneLine(in.Output->geterror()), "is the disk full?");
+      in.Temporary->Rename();
+    });
+  WriteReport& report = in.Report;
+  for (size_t l = 0; l < in.Clamped.size(); ++l)
+    if (in.Clamped[l])
+    {
+      report.Clamped += in.Clamped[l];
+      report.Warnings.push_back("\"" + in.Path + "\": " + std::to_string(in.Clamped[l]) + " values of \"" +
+                                in.Names[l] + "\" beyond 65504 were clamped for half precision");
+    }
+  if (report.NonFinite)
+    report.Warnings.push_back(
+      "\"" + in.Path + "\": " + std::to_string(report.NonFinite) + " values that are not finite were written as 0");
+  return report;
+}
+
 void WriteImageFile(const std::string& path, vtkImageData* image, const std::vector<LayerSpec>& layers,
   const WriteOptions& options, WriteReport* report)
 {
-  Guarded("write", path,
-    [&]
-    {
-      if (path.empty())
-        throw StageError("no file name given to write to; set File");
-      vtkImageData* first = image ? image : layers.empty() ? nullptr : layers[0].Image;
-      if (!first)
-        Refuse("write", path, "there is no image", "");
-      int e[6];
-      first->GetExtent(e);
-      const Rect extent{ e[0], e[2], e[1] + 1, e[3] + 1 };
-      const Rect region = options.Region.empty() ? extent : options.Region;
-      const int width = options.Width > 0 ? options.Width : extent.x1;
-      const int height = options.Height > 0 ? options.Height : extent.y1;
-      if (region.empty() || e[4] != e[5])
-        Refuse("write", path, "the image is empty or has several slices", "");
-      if (!Rect{ 0, 0, width, height }.contains(region))
-        Refuse("write", path, "the region lies outside the frame", "");
-      const std::string extension = KnownExtension(path);
-      const std::vector<OutLayer> ready = PrepareLayers(path, first, layers, region, options.Half);
-      const fs::path parent = fs::path(path).parent_path();
-      if (!parent.empty())
-      {
-        std::error_code ec;
-        fs::create_directories(parent, ec);
-        if (ec || !fs::is_directory(parent))
-          Refuse("write", path,
-            "the directory \"" + parent.string() +
-              "\" cannot be made: " + (ec ? ec.message() : std::string("a file has its name")),
-            "choose another place");
-      }
-      WriteReport local;
-      WriteReport& done = report ? *report : local;
-      TemporaryFile temporary(path);
-      if (extension == ".exr")
-        WriteExr(
-          path, temporary.Path, ready, FrameFacts::Read(first->GetFieldData()), region, width, height, options, done);
-      else
-        WriteOther(path, temporary.Path, extension, ready, region, done);
-      temporary.Rename();
-    });
+  vtkImageData* first = image ? image : layers.empty() ? nullptr : layers[0].Image;
+  if (!first)
+    Refuse("write", path, "there is no image", "");
+  int e[6];
+  first->GetExtent(e);
+  const Rect extent{ e[0], e[2], e[1] + 1, e[3] + 1 };
+  WriteOptions whole = options;
+  if (whole.Region.empty() && e[4] == e[5])
+    whole.Region = extent;
+  whole.Width = options.Width > 0 ? options.Width : extent.x1;
+  whole.Height = options.Height > 0 ? options.Height : extent.y1;
+  ImageFileWriter writer(path, FrameFacts::Read(first->GetFieldData()), whole);
+  writer.Write(whole.Region, first, layers);
+  WriteReport done = writer.Finish();
+  if (report)
+    *report = std::move(done);
 }
 }

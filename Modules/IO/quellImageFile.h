@@ -11,6 +11,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -106,13 +107,34 @@ struct WriteReport
   std::vector<std::string> Warnings;
 };
 
-/// What WriteImageFile would refuse `path` for before it has pixels: a format that nobody writes, a place where no file
+/// One file, written in bands of rows from the top down, so that its pixels need not be there at once: the same bytes
+/// as in one go. It has a temporary name in the same directory until Finish renames it, so that a reader sees the old
+/// file or the whole new one; without Finish nothing is left. Makes directories. Formats other than EXR hold one colour
+/// and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr: linear.
+class VTKQUELLIO_EXPORT ImageFileWriter
+{
+public:
+  /// `options` must say Width, Height and Region, which is all that the bands will make.
+  ImageFileWriter(const std::string& path, const FrameFacts& facts, const WriteOptions& options);
+  ~ImageFileWriter();
+  ImageFileWriter(const ImageFileWriter&) = delete;
+  void operator=(const ImageFileWriter&) = delete;
+
+  /// The next rows, of the region's full width; `layers` (empty: every array of `image`, radiance first) the same ones
+  /// in every band, covering it at least.
+  void Write(const Rect& band, vtkImageData* image, const std::vector<LayerSpec>& layers = {});
+  WriteReport Finish();
+
+private:
+  struct Internals;
+  std::unique_ptr<Internals> Internal;
+};
+
+/// What writing would refuse `path` for before it has pixels: a format that nobody writes, a place where no file
 /// can be made. Throws quell::StageError; makes nothing.
 VTKQUELLIO_EXPORT void CheckWritable(const std::string& path);
 
-/// Writes `layers` (empty: every array, radiance first) in one file: under a temporary name in the same directory, then
-/// renamed, so that a reader sees the old file or the whole new one. Creates directories. Formats other than EXR hold
-/// one colour and an alpha: 8 bit, arrays of kind Display as they are, others clamped and sRGB-encoded; .hdr: linear.
+/// ImageFileWriter with one band. Sizes and region that `options` do not say are the image's.
 VTKQUELLIO_EXPORT void WriteImageFile(const std::string& path, vtkImageData* image,
   const std::vector<LayerSpec>& layers = {}, const WriteOptions& options = {}, WriteReport* report = nullptr);
 
