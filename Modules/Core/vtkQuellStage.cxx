@@ -240,6 +240,11 @@ bool vtkQuellStage::NeedsInput(int, const quell::ArraySet&) const
   return true;
 }
 
+bool vtkQuellStage::Makes(const std::string& array) const
+{
+  return this->GetDescription().FindOutput(array) != nullptr;
+}
+
 double vtkQuellStage::HistoryWeight(int) const
 {
   return 1;
@@ -468,6 +473,8 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
         frame.Output(made.Name);
         makes = true;
       }
+    for (const std::string& name : asked)
+      makes = makes || this->Makes(name);
     const bool dynamic = description.Inputs.empty() && !asked.empty();
     if (makes || dynamic || description.Sink)
     {
@@ -634,7 +641,8 @@ ImageIn StageFrame::InputArray(int port, int connection, const std::string& name
   if (!array)
     throw StageError("input \"" + spec.Name + "\" has no array \"" + name + "\"; it holds " + ArrayList(image));
   const int wanted = KindComponents(spec.Kind);
-  if (wanted && array->GetNumberOfComponents() != wanted)
+  const bool own = name == this->Stage->GetInputArray(port, connection);
+  if (own && wanted && array->GetNumberOfComponents() != wanted)
     throw StageError("input \"" + spec.Name + "\" wants " + KindName(spec.Kind) + " (" + KindDoc(spec.Kind) +
                      "), but \"" + name + "\" has " + std::to_string(array->GetNumberOfComponents()) + " components");
   vtkFloatArray* floats = vtkFloatArray::SafeDownCast(array);

@@ -167,6 +167,9 @@ public:
   virtual int HaloFor(int port) const;
   /// Whether `port` is read at all when `asked` is wanted; a port that is not needed demands no array.
   virtual bool NeedsInput(int port, const quell::ArraySet& asked) const;
+  /// Whether the stage itself makes the array (AddOutput) instead of passing it through. Default: those it describes.
+  /// Further ones are still demanded of the first input, where they come from.
+  virtual bool Makes(const std::string& array) const;
 
   /// Whether `port` may have another size than the stage's output (a reference image); then its whole extent is read
   /// and sizes are not compared.
@@ -258,7 +261,7 @@ public:
   /// StageError when the producer did not deliver the array, or it has another number of components than the port's
   /// kind.
   ImageIn Input(int port, int connection = 0) const;
-  /// Same for the named array instead of the connection's own.
+  /// Same for the named array instead of the connection's own; it may have any number of components.
   ImageIn InputArray(int port, int connection, const std::string& name) const;
   vtkImageData* InputImage(int port, int connection = 0) const;
   FrameFacts Facts(int port = 0, int connection = 0) const;
