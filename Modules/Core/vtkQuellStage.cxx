@@ -223,6 +223,8 @@ bool vtkQuellStage::SetInputAttribute(int port, int, const std::string& name, co
   return false;
 }
 
+void vtkQuellStage::BeginBands(const quell::Rect& region) {}
+
 bool vtkQuellStage::LoadWork(const std::string&, std::string& error)
 {
   error = "this type of stage keeps no work";
@@ -238,6 +240,11 @@ int vtkQuellStage::HaloFor(int port) const
 bool vtkQuellStage::NeedsInput(int, const quell::ArraySet&) const
 {
   return true;
+}
+
+bool vtkQuellStage::Makes(const std::string& array) const
+{
+  return this->GetDescription().FindOutput(array) != nullptr;
 }
 
 double vtkQuellStage::HistoryWeight(int) const
@@ -468,6 +475,8 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
         frame.Output(made.Name);
         makes = true;
       }
+    for (const std::string& name : asked)
+      makes = makes || this->Makes(name);
     const bool dynamic = description.Inputs.empty() && !asked.empty();
     if (makes || dynamic || description.Sink)
     {

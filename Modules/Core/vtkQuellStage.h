@@ -154,6 +154,16 @@ public:
   virtual bool LoadWork(const std::string& bytes, std::string& error);
   ///@}
 
+  ///@{
+  /// A frame taken in bands of rows, from the top down, one execution each: for sinks whose work can be put together
+  /// (PipelineExecutor::SetBandRows). BeginBands says what the bands will cover; EndBands, after the last one, finishes
+  /// it and throws quell::StageError where it cannot; DropBands leaves nothing of it.
+  virtual bool TakesBands() const { return false; }
+  virtual void BeginBands(const quell::Rect& region);
+  virtual void EndBands() {}
+  virtual void DropBands() {}
+  ///@}
+
   /// Refuses what can be refused without input and without pixels: a view that the configuration lacks, a file name
   /// whose format nobody writes, a missing scene. Throws quell::StageError; called for every node before a pipeline
   /// runs.
@@ -167,6 +177,9 @@ public:
   virtual int HaloFor(int port) const;
   /// Whether `port` is read at all when `asked` is wanted; a port that is not needed demands no array.
   virtual bool NeedsInput(int port, const quell::ArraySet& asked) const;
+  /// Whether the stage itself makes the array (AddOutput) instead of passing it through. Default: those it describes.
+  /// Further ones are still demanded of the first input, where they come from.
+  virtual bool Makes(const std::string& array) const;
 
   /// Whether `port` may have another size than the stage's output (a reference image); then its whole extent is read
   /// and sizes are not compared.
