@@ -73,8 +73,8 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
   app->add_option("--out", a.OutputDirectory, "Directory for relative output files")->type_name("DIR");
   app
     ->add_option("--memory", a.MemoryMegabytes,
-      "Refuse to start when the arrays between the stages need more than this many 10^6 bytes; scene and scratch come "
-      "on top")
+      "Make each frame in bands of rows where the arrays between the stages would need more than this many 10^6 bytes, "
+      "or refuse to start where bands do not do; scene and scratch come on top")
     ->type_name("MB")
     ->check(CLI::Validator(
       [](const std::string& text)

@@ -88,7 +88,7 @@ struct PreparedRun
 /// A pipeline file, or an image that a run wrote, with the pipeline in it. Diagnostics are printed; null after an
 /// error. Throws UsageError for an image without pipeline.
 std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors);
-/// The plan of a run; throws UsageError when it needs more than --memory.
+/// The plan of a run, in bands where --memory asks for that; throws UsageError when it needs more all the same.
 ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);
 /// False after an error that is already printed (exit status 2). Throws UsageError.
 bool PrepareRun(const PipelineArguments& arguments, PreparedRun& run);

@@ -270,26 +270,14 @@ std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphO
 
 ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)
 {
-  ExecutionPlan plan = MakePlan(*run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance);
-  const double bytes = PlanBytes(plan);
-  if (!plan.Error.empty() || a.MemoryMegabytes <= 0 || bytes <= a.MemoryMegabytes * 1e6)
+  std::string error;
+  ExecutionPlan plan = FitPlan(
+    *run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance, std::max(0., a.MemoryMegabytes) * 1e6, error);
+  if (!error.empty())
   {
-    return plan;
+    throw UsageError("--memory " + detail::FormatDouble(a.MemoryMegabytes) + ": " + error + "; nothing was executed");
   }
-  std::vector<const PlannedNode*> nodes;
-  for (const PlannedNode& n : plan.Nodes)
-  {
-    nodes.push_back(&n);
-  }
-  std::stable_sort(nodes.begin(), nodes.end(),
-    [](const PlannedNode* x, const PlannedNode* y) { return x->Bytes + x->KeptBytes > y->Bytes + y->KeptBytes; });
-  std::string largest;
-  for (std::size_t i = 0; i < nodes.size() && i < 3; ++i)
-  {
-    largest += (i ? ", " : "") + Quoted(nodes[i]->Path) + " " + BytesText(nodes[i]->Bytes + nodes[i]->KeptBytes);
-  }
-  throw UsageError("--memory " + detail::FormatDouble(a.MemoryMegabytes) + ": the arrays need " + BytesText(bytes) +
-                   ", most of it in " + largest + "; nothing was executed");
+  return plan;
 }
 
 int CheckCommand(const std::string& file)

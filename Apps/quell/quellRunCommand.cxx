@@ -581,6 +581,11 @@ int RunCommand(const RunArguments& arguments)
       std::fprintf(stderr, "quell: error: %s\n", plan.Error.c_str());
       return ExitFailed;
     }
+    executor.SetBandRows(plan.BandRows);
+    if (plan.BandRows > 0 && !arguments.Quiet)
+    {
+      std::fprintf(stderr, "quell: %s", BandsText(plan).c_str());
+    }
   }
   const std::map<std::string, std::string> metadata = Provenance(run);
   executor.SetMetadata(metadata);

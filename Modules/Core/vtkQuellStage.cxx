@@ -223,6 +223,8 @@ bool vtkQuellStage::SetInputAttribute(int port, int, const std::string& name, co
   return false;
 }
 
+void vtkQuellStage::BeginBands(const quell::Rect& region) {}
+
 bool vtkQuellStage::LoadWork(const std::string&, std::string& error)
 {
   error = "this type of stage keeps no work";

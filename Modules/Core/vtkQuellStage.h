@@ -154,6 +154,16 @@ public:
   virtual bool LoadWork(const std::string& bytes, std::string& error);
   ///@}
 
+  ///@{
+  /// A frame taken in bands of rows, from the top down, one execution each: for sinks whose work can be put together
+  /// (PipelineExecutor::SetBandRows). BeginBands says what the bands will cover; EndBands, after the last one, finishes
+  /// it and throws quell::StageError where it cannot; DropBands leaves nothing of it.
+  virtual bool TakesBands() const { return false; }
+  virtual void BeginBands(const quell::Rect& region);
+  virtual void EndBands() {}
+  virtual void DropBands() {}
+  ///@}
+
   /// Refuses what can be refused without input and without pixels: a view that the configuration lacks, a file name
   /// whose format nobody writes, a missing scene. Throws quell::StageError; called for every node before a pipeline
   /// runs.

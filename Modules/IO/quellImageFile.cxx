@@ -505,12 +505,16 @@ float EncodeSrgb(float v)
   return v <= 0.0031308f ? v * 12.92f : 1.055f * std::pow(v, 1.f / 2.4f) - 0.055f;
 }
 
-vtkSmartPointer<vtkFloatArray> NewArray(vtkImageData* image, const std::string& name, int components, float background)
+vtkSmartPointer<vtkFloatArray> NewArray(
+  vtkImageData* image, const std::string& name, int components, float background, float* memory)
 {
   auto array = vtkSmartPointer<vtkFloatArray>::New();
   array->SetName(name.c_str());
   array->SetNumberOfComponents(components);
-  array->SetNumberOfTuples(image->GetNumberOfPoints());
+  if (memory)
+    array->SetArray(memory, image->GetNumberOfPoints() * components, 1);
+  else
+    array->SetNumberOfTuples(image->GetNumberOfPoints());
   std::fill_n(array->GetPointer(0), std::size_t(image->GetNumberOfPoints()) * components, background);
   image->GetPointData()->AddArray(array);
   return array;
@@ -531,14 +535,14 @@ void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, c
   const OIIO::ImageSpec& spec = part.Spec;
   const bool tiled = spec.tile_width > 0;
   Rect block = wanted;
-  int step = 256;
+  int step = 64;
   if (tiled)
   {
     const auto down = [](int v, int origin, int size) { return origin + (v - origin) / size * size; };
     block.x0 = down(wanted.x0, spec.x, spec.tile_width);
     block.x1 = std::min(down(wanted.x1 - 1, spec.x, spec.tile_width) + spec.tile_width, spec.x + spec.width);
     block.y0 = down(wanted.y0, spec.y, spec.tile_height);
-    step = std::max(spec.tile_height, 256 / spec.tile_height * spec.tile_height);
+    step = std::max(spec.tile_height, step / spec.tile_height * spec.tile_height);
   }
   else
   {
@@ -604,7 +608,9 @@ void ReadArrays(const std::string& path, OpenFile& file, const ReadOptions& opti
   {
     const ArrayType* known = FindArray(array->Array);
     const int n = int(array->Channels.size());
-    auto data = NewArray(image, array->Array, n, known ? known->Background : 0.f);
+    const auto into = options.Into.find(array->Array);
+    auto data = NewArray(
+      image, array->Array, n, known ? known->Background : 0.f, into == options.Into.end() ? nullptr : into->second);
     for (int c = 0; c < n; ++c)
       targets[array->Part].push_back({ array->Channels[c], data->GetPointer(0) + c, n });
   }
@@ -983,8 +989,7 @@ struct PlainLayers
   bool Linear = false;
 };
 
-PlainLayers FindPlainLayers(
-  const std::string& path, const std::string& extension, const std::vector<OutLayer>& layers)
+PlainLayers FindPlainLayers(const std::string& path, const std::string& extension, const std::vector<OutLayer>& layers)
 {
   PlainLayers plain;
   const OutLayer& colour = layers[0];
@@ -1209,7 +1214,7 @@ void ImageFileWriter::Write(const Rect& band, vtkImageData* image, const std::ve
       for (const OutLayer& layer : ready)
         channels.insert(channels.end(), layer.Channels.begin(), layer.Channels.end());
       if (channels != in.Channels || band.x0 != in.Region.x0 || band.x1 != in.Region.x1 || band.y1 != in.Next ||
-        band.y0 < in.Region.y0)
+          band.y0 < in.Region.y0)
         Refuse("write", in.Path, "a band of rows does not go on where the last one ended", "");
       const size_t row = size_t(band.width()) * size_t(in.Spec.nchannels);
       int step = 256;

@@ -60,6 +60,9 @@ struct ReadOptions
   std::string PlainArray = "radiance"; ///< the array that plain R G B (or Y) channels make
   FileTransfer Transfer = FileTransfer::Automatic;
   std::int64_t MaximumBytes = std::int64_t(4) << 30; ///< of the arrays to be made; more is refused
+  /// Where an asked array's values go, over the region, instead of into memory of its own; at least as many floats as
+  /// it has there.
+  std::map<std::string, float*> Into;
 };
 
 /// The arrays of a file, without reading pixels.

@@ -140,19 +140,23 @@ void vtkQuellImageReader::Execute(quell::StageFrame& frame)
                             std::to_string(header.Height) + " pixels, but the sequence began with " +
                             std::to_string(frame.Whole().width()) + " x " + std::to_string(frame.Whole().height()) +
                             "; all frames must have one size");
+  std::map<std::string, quell::ImageOut> outputs;
+  for (const quell::FileArray& array : header.Arrays)
+    if (options.Arrays.count(array.Name))
+    {
+      const int components = int(array.Channels.size());
+      const quell::ImageOut out = frame.AddOutput(array.Name, components);
+      if (out.components != components)
+        throw quell::StageError("cannot read \"" + path + "\": \"" + array.Name + "\" has " +
+                                std::to_string(components) + " components there, not " +
+                                std::to_string(out.components));
+      options.Into[array.Name] = out.data;
+      outputs.emplace(array.Name, out);
+    }
   quell::ReadReport report;
-  auto image = quell::ReadImageFile(path, &report, options);
-  for (const std::string& name : options.Arrays)
-  {
-    auto array = vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(name.c_str()));
-    const int components = array->GetNumberOfComponents();
-    const quell::ImageOut out = frame.AddOutput(name, components);
-    if (out.components != components)
-      throw quell::StageError("cannot read \"" + path + "\": \"" + name + "\" has " + std::to_string(components) +
-                              " components there, not " + std::to_string(out.components));
-    std::copy_n(array->GetPointer(0), array->GetNumberOfValues(), out.data);
-    this->CountNonFinite(name, out);
-  }
+  quell::ReadImageFile(path, &report, options);
+  for (const auto& output : outputs)
+    this->CountNonFinite(output.first, output.second);
   frame.OutputFacts = report.Facts;
   frame.OutputFacts.Tick = frame.Tick();
   this->Warnings.insert(this->Warnings.end(), report.Warnings.begin(), report.Warnings.end());

@@ -31,7 +31,7 @@ public:
   const std::string& GetPlainArray() const { return this->PlainArray; }
   ///@}
   ///@{ How pixels become linear: Automatic (integers of PNG, JPEG ... are sRGB-encoded, floats are linear), Linear,
-  ///Srgb.
+  /// Srgb.
   vtkSetClampMacro(Transfer, int, 0, 2);
   vtkGetMacro(Transfer, int);
   ///@}

@@ -153,13 +153,49 @@ void vtkQuellImageWriter::Execute(quell::StageFrame& frame)
   options.Metadata = this->Metadata;
   options.Width = frame.Whole().width();
   options.Height = frame.Whole().height();
-  options.Region = frame.Region();
+  const bool bands = !this->BandRegion.empty();
+  options.Region = bands ? this->BandRegion : frame.Region();
   options.Compression = quell::FileCompression(this->Compression);
   options.Half = this->Half;
   const std::string path = quell::SequencePath(this->File, frame.Tick());
+  if (bands)
+  {
+    if (!this->BandFile)
+    {
+      this->BandPath = path;
+      this->BandFile = std::make_unique<quell::ImageFileWriter>(path, frame.OutputFacts, options);
+    }
+    this->BandFile->Write(frame.Region(), layers[0].Image, layers);
+    return;
+  }
   quell::WriteReport report;
   quell::WriteImageFile(path, layers[0].Image, layers, options, &report);
+  this->Written(path, report);
+}
+
+void vtkQuellImageWriter::Written(const std::string& path, const quell::WriteReport& report)
+{
   this->Files.push_back(path);
   this->Counters.NonFinite += report.NonFinite;
   this->Warnings.insert(this->Warnings.end(), report.Warnings.begin(), report.Warnings.end());
+}
+
+void vtkQuellImageWriter::BeginBands(const quell::Rect& region)
+{
+  this->DropBands();
+  this->BandRegion = region;
+}
+
+void vtkQuellImageWriter::EndBands()
+{
+  this->BandRegion = {};
+  const std::unique_ptr<quell::ImageFileWriter> file = std::move(this->BandFile);
+  if (file)
+    this->Written(this->BandPath, file->Finish());
+}
+
+void vtkQuellImageWriter::DropBands()
+{
+  this->BandRegion = {};
+  this->BandFile.reset();
 }

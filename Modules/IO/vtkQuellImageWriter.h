@@ -19,6 +19,13 @@
 #include "vtkQuellStage.h"
 
 #include <map>
+#include <memory>
+
+namespace quell
+{
+class ImageFileWriter;
+struct WriteReport;
+}
 
 class VTKQUELLIO_EXPORT vtkQuellImageWriter : public vtkQuellStage
 {
@@ -30,7 +37,7 @@ public:
   const std::string& GetFile() const { return this->File; }
   ///@}
   ///@{ EXR compression, in the order None, Rle, Zips, Zip, Piz, Pxr24, Dwaa, Dwab; the last three lose precision.
-  ///Default
+  /// Default
   /// Zip.
   vtkSetClampMacro(Compression, int, 0, 7);
   vtkGetMacro(Compression, int);
@@ -49,6 +56,11 @@ public:
   void CheckSettings() override;
   std::vector<std::string> GetFilesWritten() const override { return this->Files; }
 
+  bool TakesBands() const override { return true; }
+  void BeginBands(const quell::Rect& region) override;
+  void EndBands() override;
+  void DropBands() override;
+
 protected:
   vtkQuellImageWriter();
   ~vtkQuellImageWriter() override;
@@ -56,6 +68,7 @@ protected:
 
 private:
   quell::ArrayKind KindOf(int connection, const std::string& array);
+  void Written(const std::string& path, const quell::WriteReport& report);
 
   std::string File;
   int Compression = 3;
@@ -63,6 +76,9 @@ private:
   std::map<int, std::string> LayerNames;
   std::map<std::string, std::string> Metadata;
   std::vector<std::string> Files;
+  quell::Rect BandRegion;                           ///< empty: every execution is a whole file
+  std::unique_ptr<quell::ImageFileWriter> BandFile; ///< null before the first band
+  std::string BandPath;
 
   vtkQuellImageWriter(const vtkQuellImageWriter&) = delete;
   void operator=(const vtkQuellImageWriter&) = delete;

@@ -345,6 +345,90 @@ ExecutionPlan MakePlan(
   return plan;
 }
 
+std::string BandsText(const ExecutionPlan& plan)
+{
+  if (plan.BandRows == 0)
+  {
+    return std::string();
+  }
+  double inside = 0, made = 0;
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    inside += n.Executes ? double(n.Region.width()) * plan.BandRows : 0.;
+    made += n.Executes ? double(n.Region.area()) : 0.;
+  }
+  char text[160];
+  std::snprintf(text, sizeof text, "in %d bands of %d rows, one at a time: %s of arrays, %.0f %% more pixels to make\n",
+    plan.Bands, plan.BandRows, BytesText(PlanBytes(plan)).c_str(), 100 * (inside > 0 ? made / inside - 1 : 0));
+  return text;
+}
+
+ExecutionPlan FitPlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end,
+  double tolerance, double bytes, std::string& error)
+{
+  ExecutionPlan whole = MakePlan(executor, region, first, end, tolerance);
+  const double needed = PlanBytes(whole);
+  if (!whole.Error.empty() || bytes <= 0 || needed <= bytes)
+  {
+    return whole;
+  }
+  const DisplayRegion all = region.value_or(DisplayRegion{ 0, 0, whole.Width, whole.Height });
+  const int height = all.Y1 - all.Y0;
+  const auto banded = [&](int rows)
+  {
+    DisplayRegion band = all;
+    band.Y0 = all.Y0 + std::max(0, (height - rows) / 2);
+    band.Y1 = std::min(all.Y1, band.Y0 + rows);
+    return MakePlan(executor, band, first, end, tolerance);
+  };
+  std::string reason;
+  int rows = 0;
+  if (executor.CanRunInBands(reason))
+  {
+    // The largest number of blocks of 16 rows that fits.
+    int low = 0, high = (height - 1) / 16;
+    while (low < high)
+    {
+      const int middle = (low + high + 1) / 2;
+      if (PlanBytes(banded(16 * middle)) <= bytes)
+      {
+        low = middle;
+      }
+      else
+      {
+        high = middle - 1;
+      }
+    }
+    rows = 16 * low;
+    if (rows == 0)
+    {
+      reason = height > 16 ? "bands of 16 rows still need " + BytesText(PlanBytes(banded(16)))
+                           : "the frame has too few rows for bands";
+    }
+  }
+  if (rows > 0)
+  {
+    ExecutionPlan plan = banded(rows);
+    plan.BandRows = rows;
+    plan.Bands = (height + rows - 1) / rows;
+    return plan;
+  }
+  std::vector<const PlannedNode*> nodes;
+  for (const PlannedNode& n : whole.Nodes)
+  {
+    nodes.push_back(&n);
+  }
+  std::stable_sort(nodes.begin(), nodes.end(),
+    [](const PlannedNode* x, const PlannedNode* y) { return x->Bytes + x->KeptBytes > y->Bytes + y->KeptBytes; });
+  std::string largest;
+  for (std::size_t i = 0; i < nodes.size() && i < 3; ++i)
+  {
+    largest += (i ? ", " : "") + Quoted(nodes[i]->Path) + " " + BytesText(nodes[i]->Bytes + nodes[i]->KeptBytes);
+  }
+  error = "the arrays need " + BytesText(needed) + ", most of it in " + largest + ", and " + reason;
+  return whole;
+}
+
 std::string PlanText(const ExecutionPlan& plan)
 {
   std::string out = plan.File + ": ";
@@ -359,6 +443,7 @@ std::string PlanText(const ExecutionPlan& plan)
   out += "\n";
   const std::string history = HistoryText({ plan.WarmUp, plan.RestWeight });
   out += history.empty() ? history : history + "\n";
+  out += BandsText(plan);
   if (!plan.Variables.empty())
   {
     out += "variables:";
@@ -446,7 +531,8 @@ std::string PlanText(const ExecutionPlan& plan)
     }
   }
   char cost[160];
-  std::snprintf(cost, sizeof cost, "cost of a frame: %d stages, %.0f stage pixels, %s of arrays\n",
+  std::snprintf(cost, sizeof cost, "cost of a %s: %d stages, %.0f stage pixels, %s of arrays\n",
+    plan.BandRows > 0 ? "band" : "frame",
     int(std::count_if(plan.Nodes.begin(), plan.Nodes.end(), [](const PlannedNode& n) { return n.Executes; })), pixels,
     BytesText(bytes).c_str());
   out += cost;

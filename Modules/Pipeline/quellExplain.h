@@ -48,6 +48,7 @@ struct ExecutionPlan
   int FirstTick = 0, EndTick = 0; ///< frames written: [FirstTick, EndTick)
   int WarmUp = 0;                 ///< frames before FirstTick that are computed for their history
   double RestWeight = 0;          ///< see HistoryPlan
+  int BandRows = 0, Bands = 1;    ///< rows of a frame made at once, see FitPlan; 0: all, and the nodes are of one frame
   std::vector<std::pair<std::string, std::string>> Variables;
   std::vector<Output> Outputs;
   std::vector<PlannedNode> Nodes;
@@ -59,6 +60,12 @@ struct ExecutionPlan
 /// executes nothing. Frames: the run's [first, end), as quell run takes them; `tolerance` as for PlanHistory.
 VTKQUELLPIPELINE_EXPORT ExecutionPlan MakePlan(
   PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end, double tolerance = 1e-3);
+
+/// MakePlan; where the arrays between the stages need more than `bytes`, the plan of a band in the middle of the frame
+/// with the most rows (a multiple of 16) that fit, and BandRows says so. Where no 16 rows fit, or the pipeline cannot
+/// run in bands, `error` says why. bytes 0: no limit.
+VTKQUELLPIPELINE_EXPORT ExecutionPlan FitPlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region,
+  int first, int end, double tolerance, double bytes, std::string& error);
 
 /// Frames that a run computes before the first one it writes.
 struct HistoryPlan
@@ -83,6 +90,8 @@ VTKQUELLPIPELINE_EXPORT HistoryPlan PlanHistory(const PipelineExecutor& executor
 VTKQUELLPIPELINE_EXPORT std::string HistoryText(const HistoryPlan& history);
 
 /// Bytes of arrays that a run holds at once: what every node makes for a frame, and what is kept of the one before.
+/// "in 9 bands of 240 rows ..." with a line end; empty where the frame is made at once.
+VTKQUELLPIPELINE_EXPORT std::string BandsText(const ExecutionPlan& plan);
 VTKQUELLPIPELINE_EXPORT double PlanBytes(const ExecutionPlan& plan);
 /// `12.5 MB`, decimal.
 VTKQUELLPIPELINE_EXPORT std::string BytesText(double bytes);

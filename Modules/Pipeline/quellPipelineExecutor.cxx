@@ -18,6 +18,7 @@ namespace quell
 struct PipelineExecutor::Observer
 {
   std::function<void(const std::string&, double)> Progress;
+  int Band = 0, Bands = 1; ///< of the frame at work
   std::map<vtkObject*, std::string> Names;
   std::string FirstError;
   vtkQuellStage* FirstFailed = nullptr; ///< never for being cancelled
@@ -67,7 +68,7 @@ struct PipelineExecutor::Observer
                                   : event == vtkCommand::EndEvent ? 1.
                                   : data                          ? *static_cast<double*>(data)
                                                                   : 0.;
-          this->Progress(name->second, std::min(1., std::max(0., fraction)));
+          this->Progress(name->second, (this->Band + std::min(1., std::max(0., fraction))) / this->Bands);
         }
     }
   }
@@ -423,35 +424,159 @@ bool PipelineExecutor::CheckRegion(std::string& error)
   return true;
 }
 
-TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
+bool PipelineExecutor::CanRunInBands(std::string& reason) const
 {
-  TickResult result;
-  this->Rebuild();
-  this->Watch->FirstError.clear();
-  this->Watch->Warnings.clear();
-  if (this->Token->IsCancelled())
+  if (!this->Kept.empty())
   {
-    result.Cancelled = true;
-    result.Error = "cancelled";
-    return result;
+    reason = "the next frame reads " + this->Title(this->Kept.begin()->first) +
+             " through a delayed input, which needs the whole frame";
+    return false;
   }
-
-  for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
+  for (const Target& t : this->Targets())
   {
-    if (!this->Live[n])
+    const auto& stage = this->Stages[std::size_t(t.Node)];
+    if (!stage || !stage->TakesBands())
+    {
+      reason = this->Title(t.Node) + " needs the whole frame";
+      return false;
+    }
+  }
+  return true;
+}
+
+/// What a pass asks of whom.
+bool PipelineExecutor::Ask(TickMode mode, std::vector<Asked>& asked, std::string& error)
+{
+  // What a delayed input reads runs on the whole frame.
+  for (const auto& k : this->Kept)
+  {
+    asked.push_back({ { k.first, k.second, true, false }, {} });
+  }
+  for (const Target& t : this->Targets())
+  {
+    if (mode == TickMode::WarmUp || (t.LastOnly && mode != TickMode::LastFrame))
     {
       continue;
     }
-    for (const GraphEdge& e : this->Plan->Nodes[n].Inputs)
+    Rect region;
+    if (this->Region || this->BandRows > 0)
     {
-      if (e.Delayed)
+      Rect whole;
+      if (!this->Information(t.Node, whole, error))
       {
-        this->Stages[n]->SetHistory(
-          e.Port, this->History.Find(tick - 1, this->Plan->Nodes[std::size_t(e.Producer)].Path));
+        return false;
+      }
+      region = this->Region ? this->Region->ToFrame(whole.height()).clipped(whole) : whole;
+      if (region.empty())
+      {
+        error = this->Title(t.Node) + ": the region lies outside the frame";
+        return false;
       }
     }
+    asked.push_back({ t, region });
   }
+  return true;
+}
 
+/// What a source says of a frame that was finished early; empty: nothing.
+std::string PipelineExecutor::PartialText() const
+{
+  for (int n : this->Plan->Order)
+  {
+    vtkQuellStage* stage = this->Stages[std::size_t(n)];
+    const std::string text = this->Live[std::size_t(n)] && stage
+                               ? FrameFacts::Read(stage->GetOutput()->GetFieldData()).Partial
+                               : std::string();
+    if (!text.empty())
+    {
+      return text;
+    }
+  }
+  return std::string();
+}
+
+/// Pass after pass, a band of every region at a time.
+bool PipelineExecutor::RunBands(int tick, std::vector<Asked>& asked, TickResult& result)
+{
+  if (!this->CanRunInBands(result.Error))
+  {
+    return false;
+  }
+  int bands = 1;
+  for (const Asked& a : asked)
+  {
+    bands = std::max(bands, (a.Region.height() + this->BandRows - 1) / this->BandRows);
+    this->Stages[std::size_t(a.What.Node)]->BeginBands(a.Region);
+  }
+  bool good = true;
+  this->Watch->Bands = bands;
+  for (int band = 0; band < bands && good; ++band)
+  {
+    this->Watch->Band = band;
+    std::vector<Asked> now;
+    for (const Asked& a : asked)
+    {
+      Asked part = a;
+      part.Region.y1 = a.Region.y1 - band * this->BandRows;
+      part.Region.y0 = std::max(a.Region.y0, part.Region.y1 - this->BandRows);
+      if (!part.Region.empty())
+      {
+        now.push_back(part);
+      }
+    }
+    good = this->Pass(tick, now, result);
+    // Bands of different numbers of samples make no frame.
+    if (good && this->Token->IsFinishing() && (band + 1 < bands || !this->PartialText().empty()))
+    {
+      result.Cancelled = true;
+      result.Error = "cancelled";
+      good = false;
+    }
+  }
+  this->Watch->Band = 0;
+  this->Watch->Bands = 1;
+  for (const Asked& a : asked)
+  {
+    vtkQuellStage* stage = this->Stages[std::size_t(a.What.Node)];
+    try
+    {
+      if (good)
+      {
+        stage->EndBands();
+        const std::vector<std::string> files = stage->GetFilesWritten();
+        result.Files.insert(result.Files.end(), files.begin(), files.end());
+        for (const std::string& w : stage->GetWarnings())
+        {
+          result.Warnings.push_back(this->Title(a.What.Node) + ": " + w);
+        }
+      }
+    }
+    catch (const StageError& e)
+    {
+      result.Error = this->Title(a.What.Node) + ": " + e.what();
+      good = false;
+    }
+    if (!good)
+    {
+      stage->DropBands();
+    }
+  }
+  // Bands tend to say the same.
+  std::vector<std::string> once;
+  for (std::string& w : result.Warnings)
+  {
+    if (std::find(once.begin(), once.end(), w) == once.end())
+    {
+      once.push_back(std::move(w));
+    }
+  }
+  result.Warnings = std::move(once);
+  return good;
+}
+
+/// Updates everything asked in one pass. False with result.Error, and Cancelled.
+bool PipelineExecutor::Pass(int tick, const std::vector<Asked>& asked, TickResult& result)
+{
   std::map<vtkQuellStage*, std::int64_t> executions;
   for (const auto& stage : this->Stages)
   {
@@ -461,33 +586,9 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
     }
   }
   this->Collector->ClearRequests();
-  // What a delayed input reads runs on the whole frame.
-  for (const auto& k : this->Kept)
+  for (const Asked& a : asked)
   {
-    this->Collector->AddRequest(this->Stages[std::size_t(k.first)], k.second);
-  }
-  for (const Target& t : this->Targets())
-  {
-    if (mode == TickMode::WarmUp || (t.LastOnly && mode != TickMode::LastFrame))
-    {
-      continue;
-    }
-    Rect region;
-    if (this->Region)
-    {
-      Rect whole;
-      if (!this->Information(t.Node, whole, result.Error))
-      {
-        return result;
-      }
-      region = this->Region->ToFrame(whole.height()).clipped(whole);
-      if (region.empty())
-      {
-        result.Error = this->Title(t.Node) + ": the region lies outside the frame";
-        return result;
-      }
-    }
-    this->Collector->AddRequest(this->Stages[std::size_t(t.Node)], t.Arrays, region);
+    this->Collector->AddRequest(this->Stages[std::size_t(a.What.Node)], a.What.Arrays, a.Region);
   }
   this->Watch->FirstFailed = nullptr;
   this->Watch->Token = this->Token;
@@ -536,17 +637,52 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
     {
       result.Error = "cancelled";
     }
+    return false;
+  }
+  return true;
+}
+
+TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
+{
+  TickResult result;
+  this->Rebuild();
+  this->Watch->FirstError.clear();
+  this->Watch->Warnings.clear();
+  if (this->Token->IsCancelled())
+  {
+    result.Cancelled = true;
+    result.Error = "cancelled";
     return result;
   }
 
-  for (int n : this->Plan->Order)
+  for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
   {
-    vtkQuellStage* stage = this->Stages[std::size_t(n)];
-    if (this->Live[std::size_t(n)] && stage && result.Partial.empty())
+    if (!this->Live[n])
     {
-      result.Partial = FrameFacts::Read(stage->GetOutput()->GetFieldData()).Partial;
+      continue;
+    }
+    for (const GraphEdge& e : this->Plan->Nodes[n].Inputs)
+    {
+      if (e.Delayed)
+      {
+        this->Stages[n]->SetHistory(
+          e.Port, this->History.Find(tick - 1, this->Plan->Nodes[std::size_t(e.Producer)].Path));
+      }
     }
   }
+
+  std::vector<Asked> asked;
+  if (!this->Ask(mode, asked, result.Error))
+  {
+    return result;
+  }
+  if (!(this->BandRows > 0 && mode != TickMode::WarmUp ? this->RunBands(tick, asked, result)
+                                                       : this->Pass(tick, asked, result)))
+  {
+    return result;
+  }
+
+  result.Partial = this->PartialText();
   result.Ok = true;
   if (!result.Partial.empty())
   {

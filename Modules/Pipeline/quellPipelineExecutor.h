@@ -68,6 +68,12 @@ public:
   void SetCancelToken(std::shared_ptr<CancelToken> token);
   /// Empty: the whole frame.
   void SetRegion(const std::optional<DisplayRegion>& region) { this->Region = region; }
+  /// Makes each frame in bands of so many rows, from the top down, so that only a band's pixels (and those around it
+  /// that filters read) are held at once: the same files. 0: whole frames. Rows around a band are made more than once.
+  /// A frame that is finished early is given up. See CanRunInBands.
+  void SetBandRows(int rows) { this->BandRows = rows; }
+  /// False (with the reason) for pipelines with delayed inputs, which need whole frames, and with sinks that do.
+  bool CanRunInBands(std::string& reason) const;
   void SetMetadata(const std::map<std::string, std::string>& entries);
   /// Arrays of a node that the caller wants to look at after each tick (GetImage); an empty set takes the wish back.
   /// False for an unknown node.
@@ -132,6 +138,15 @@ private:
   struct Observer;
   void Rebuild();
   std::string Title(int node) const;
+  struct Asked
+  {
+    Target What;
+    Rect Region; ///< empty: the whole frame
+  };
+  bool Ask(TickMode mode, std::vector<Asked>& asked, std::string& error);
+  bool Pass(int tick, const std::vector<Asked>& asked, TickResult& result);
+  std::string PartialText() const;
+  bool RunBands(int tick, std::vector<Asked>& asked, TickResult& result);
   bool Information(int node, Rect& whole, std::string& error);
 
   std::shared_ptr<const Graph> Plan;
@@ -146,6 +161,7 @@ private:
   std::optional<DisplayRegion> Region;
   std::map<std::string, std::string> Metadata;
   FrameHistory History;
+  int BandRows = 0;
   bool WriteOutputs = true;
   bool Watched = false;
   bool Stale = true; ///< the live set changed

@@ -1,0 +1,68 @@
+# cmake -DPROGRAM=quell -DSCENE=file.gltf -DPIPELINE=denoise-file.xml -DWORK=dir -P bands.cmake
+# A frame made in bands of rows (--memory) is the frame made at once, to the last bit of its files; what goes wrong in a later
+# band leaves nothing behind; what needs whole frames is refused.
+file(REMOVE_RECURSE "${WORK}")
+file(MAKE_DIRECTORY "${WORK}")
+
+# quell(<status> <text that stderr or stdout holds> args...)
+function (quell status text)
+  execute_process(COMMAND "${PROGRAM}" ${ARGN} WORKING_DIRECTORY "${WORK}"
+    RESULT_VARIABLE result OUTPUT_VARIABLE out ERROR_VARIABLE err)
+  string(FIND "${out}${err}" "${text}" at)
+  if (NOT "${result}" STREQUAL "${status}" OR at EQUAL -1)
+    message(FATAL_ERROR "quell ${ARGN}\nexpected status ${status} and \"${text}\"\nstatus ${result}\n${out}${err}")
+  endif ()
+endfunction ()
+# Byte for byte, but for the time in an EXR's header (capDate, string, length, 19 characters).
+function (same file)
+  foreach (place whole bands)
+    file(READ "${WORK}/${place}/${file}" ${place} HEX)
+    string(REGEX REPLACE "(6361704461746500737472696e67)00.............................................." "\\1" ${place} "${${place}}")
+  endforeach ()
+  if (NOT whole STREQUAL bands)
+    message(FATAL_ERROR "whole/${file} and bands/${file} differ")
+  endif ()
+endfunction ()
+
+file(WRITE "${WORK}/noisy.xml" "<pipeline version=\"1\">
+  <node id=\"pt\" type=\"PathTraceSource\">
+    <property name=\"Scene\" value=\"${SCENE}\"/>
+    <property name=\"Width\" value=\"80\"/>
+    <property name=\"Height\" value=\"333\"/>
+    <property name=\"SamplesPerPixel\" value=\"2\"/>
+  </node>
+  <output name=\"noisy\" from=\"pt:radiance\" file=\"noisy.exr\">
+    <layer from=\"pt:albedo\"/><layer from=\"pt:normal\"/><layer from=\"pt:depth\"/>
+  </output>
+  <output name=\"shown\" from=\"pt:radiance\" file=\"noisy.png\" view=\"ACES-like\"/>
+</pipeline>
+")
+# A source that makes its pixels, files of two kinds.
+quell(0 "wrote whole/noisy.exr" run noisy.xml --out whole)
+quell(0 "in 5 bands of 80 rows, one at a time: 339.2 kB of arrays, 1 % more pixels to make" run noisy.xml --out bands --memory 0.4)
+same(noisy.exr)
+same(noisy.png)
+quell(0 "in 5 bands of 80 rows" explain noisy.xml --memory 0.4)
+
+# Files in, filters with wide halos, files out; a part of the frame too.
+file(COPY "${WORK}/whole/noisy.exr" DESTINATION "${WORK}")
+foreach (region "" "--region;5,40,77,301")
+  quell(0 "wrote" run "${PIPELINE}" -D input=${WORK}/noisy.exr ${region} --out whole)
+  quell(0 "bands of" run "${PIPELINE}" -D input=${WORK}/noisy.exr ${region} --out bands --memory 1.6)
+  same(out/denoised.0000.exr)
+  same(out/denoised.png)
+endforeach ()
+
+# A file cut off: the rows above are good, and nothing of them stays.
+file(SIZE "${WORK}/noisy.exr" bytes)
+math(EXPR bytes "${bytes} * 3 / 4")
+execute_process(COMMAND head -c ${bytes} "${WORK}/noisy.exr" OUTPUT_FILE "${WORK}/cut.exr")
+quell(1 "cut.exr" run "${PIPELINE}" -D input=${WORK}/cut.exr --out cut --memory 1.6)
+file(GLOB_RECURSE left "${WORK}/cut/*" "${WORK}/cut/out/.*.part")
+if (left)
+  message(FATAL_ERROR "left behind: ${left}")
+endif ()
+
+quell(2 "and bands of 16 rows still need" run noisy.xml --memory 0.01)
+get_filename_component(pipelines "${PIPELINE}" DIRECTORY)
+quell(2 "through a delayed input, which needs the whole frame" run "${pipelines}/svgf.xml" -D width=64 -D height=36 --memory 0.2)
