@@ -146,6 +146,58 @@ int Run(int argc, char** argv)
   compareApp->add_option("--map", compare.Map, "Write the first metric's value of each pixel as a picture")
     ->type_name("OUT.png");
 
+  quell::TradeoffArguments tradeoff;
+  CLI::App* tradeoffApp = app.add_subcommand("tradeoff", "Measure speed against accuracy over settings of a pipeline");
+  tradeoffApp->add_option("FILE", tradeoff.File, "Pipeline file, or an EXR that a run wrote")->required();
+  tradeoffApp->add_option("--reference", tradeoff.Reference, "Image without noise; #### stands for the frame")
+    ->type_name("REF.exr")
+    ->required();
+  tradeoffApp
+    ->add_option("--vary", tradeoff.Vary,
+      "NODE.PROPERTY or VARIABLE = values: a list 1,2,4; FROM..TO/COUNT in equal steps, FROM..TO*COUNT in equal "
+      "ratios; "
+      "NODE=on,off leaves a node out. Several make all combinations")
+    ->type_name("WHAT=VALUES")
+    ->allow_extra_args(false);
+  tradeoffApp->add_option("--seeds", tradeoff.Seeds, "Runs with seeds of their own, default 4")
+    ->type_name("N")
+    ->check(CLI::Range(1, 10000));
+  tradeoffApp->add_option("--repeats", tradeoff.Repeats, "At least so many runs, for the times, default 3")
+    ->type_name("N")
+    ->check(CLI::Range(1, 10000));
+  tradeoffApp
+    ->add_option("--metric", tradeoff.Metrics, "Errors to compute, the first one decides; default relMSE, FLIP, SSIM")
+    ->type_name("NAME")
+    ->allow_extra_args(false);
+  CLI::Option* budget =
+    tradeoffApp->add_option("--budget", tradeoff.Budget, "Choose the best that takes no longer a frame, as 100ms")
+      ->type_name("MS");
+  tradeoffApp->add_option("--target", tradeoff.Target, "Choose the fastest that reaches this")
+    ->type_name("METRIC=VALUE")
+    ->excludes(budget);
+  tradeoffApp->add_option("--output", tradeoff.Output, "Output of the pipeline to measure, default the first")
+    ->type_name("NAME");
+  tradeoffApp->add_option("--layer", tradeoff.Layer, "Array of the reference, default radiance")->type_name("L");
+  tradeoffApp->add_flag("--no-ledger", tradeoff.NoLedger, "Do not measure what each node buys by leaving it out");
+  tradeoffApp
+    ->add_option("--out", tradeoff.OutputDirectory, "Directory for the report; an interrupted sweep goes on in it")
+    ->type_name("DIR")
+    ->required();
+  tradeoffApp->add_option("-D", tradeoff.Defines, "Give a variable of the file another value")
+    ->type_name("NAME=VALUE")
+    ->allow_extra_args(false);
+  tradeoffApp->add_option("--set", tradeoff.Sets, "Set a node's property")
+    ->type_name("NODE.PROPERTY=VALUE")
+    ->allow_extra_args(false);
+  tradeoffApp->add_option("--seed", tradeoff.Seed, "The first seed, default 1")->type_name("N");
+  tradeoffApp
+    ->add_option("--frames", tradeoff.Frames, "Frames to measure; default the last one, without history the first")
+    ->type_name("A:B");
+  tradeoffApp->add_option("--threads", threads, "Threads to use; all when not given")
+    ->type_name("N")
+    ->check(CLI::Range(1, 4096));
+  tradeoffApp->add_flag("--quiet", tradeoff.Quiet, "No progress");
+
   try
   {
     app.parse(argc, argv);
@@ -200,6 +252,10 @@ int Run(int argc, char** argv)
     if (*inspectApp)
     {
       return quell::InspectCommand(inspected, inspectJson);
+    }
+    if (*tradeoffApp)
+    {
+      return quell::TradeoffCommand(tradeoff);
     }
     return quell::CompareCommand(compare);
   }

@@ -63,6 +63,14 @@ struct CompareArguments
   bool Json = false;
 };
 
+struct TradeoffArguments : PipelineArguments
+{
+  std::string Reference, Layer, Output, Budget, Target;
+  std::vector<std::string> Vary, Metrics;
+  int Seeds = 4, Repeats = 3;
+  bool NoLedger = false, Quiet = false;
+};
+
 /// Every stage type of this program.
 const StageRegistry& AllStages();
 
@@ -71,6 +79,7 @@ int ExplainCommand(const ExplainArguments& arguments);
 int CheckCommand(const std::string& file);
 int NodesCommand(const NodesArguments& arguments);
 int CompareCommand(const CompareArguments& arguments);
+int TradeoffCommand(const TradeoffArguments& arguments);
 int InspectCommand(const std::string& file, bool json);
 
 /// "name=value" at the first `=`; throws UsageError naming `option`.
@@ -88,6 +97,12 @@ struct PreparedRun
 /// A pipeline file, or an image that a run wrote, with the pipeline in it. Diagnostics are printed; null after an
 /// error. Throws UsageError for an image without pipeline.
 std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors);
+/// The same, not yet made a graph; null after an error.
+std::shared_ptr<const PipelineDocument> ReadDocument(const std::string& file);
+/// -D, --set, --output, --seed and --out.
+GraphOptions GraphOptionsOf(const PipelineArguments& arguments);
+/// "A:B" are frames A to B, both of them, "N" is one; `end` is one behind the last. Empty: all. Throws UsageError.
+void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end);
 /// The plan of a run, in bands where --memory asks for that; throws UsageError when it needs more all the same.
 ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);
 /// False after an error that is already printed (exit status 2). Throws UsageError.

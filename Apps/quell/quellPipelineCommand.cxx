@@ -39,50 +39,6 @@ int ParseFrame(const std::string& text, const std::string& option)
   return int(n);
 }
 
-/// A:B are frames A to B, both of them; `end` is one behind the last.
-void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end)
-{
-  const int last = ticks.First + ticks.Count - 1;
-  first = ticks.First;
-  end = last + 1;
-  if (text.empty())
-  {
-    return;
-  }
-  const std::size_t colon = text.find(':');
-  if (colon == std::string::npos)
-  {
-    first = ParseFrame(text, text);
-    end = first + 1;
-  }
-  else
-  {
-    if (colon > 0)
-    {
-      first = ParseFrame(text.substr(0, colon), text);
-    }
-    if (colon + 1 < text.size())
-    {
-      end = ParseFrame(text.substr(colon + 1), text) + 1;
-    }
-  }
-  const std::string range = std::to_string(ticks.First) + ":" + std::to_string(last);
-  if (first >= end)
-  {
-    throw UsageError("--frames " + text + ": no frame; A:B means frames A to B, the pipeline has " + range);
-  }
-  if (first < ticks.First || first > last)
-  {
-    throw UsageError("--frames " + text + ": the pipeline has frames " + range);
-  }
-  if (end > last + 1)
-  {
-    std::fprintf(stderr, "quell: --frames %s: the pipeline has frames %s; ending with frame %d\n", text.c_str(),
-      range.c_str(), last);
-    end = last + 1;
-  }
-}
-
 std::optional<DisplayRegion> ParseRegion(const std::string& text)
 {
   if (text.empty())
@@ -188,7 +144,50 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
 }
 }
 
-bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
+void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end)
+{
+  const int last = ticks.First + ticks.Count - 1;
+  first = ticks.First;
+  end = last + 1;
+  if (text.empty())
+  {
+    return;
+  }
+  const std::size_t colon = text.find(':');
+  if (colon == std::string::npos)
+  {
+    first = ParseFrame(text, text);
+    end = first + 1;
+  }
+  else
+  {
+    if (colon > 0)
+    {
+      first = ParseFrame(text.substr(0, colon), text);
+    }
+    if (colon + 1 < text.size())
+    {
+      end = ParseFrame(text.substr(colon + 1), text) + 1;
+    }
+  }
+  const std::string range = std::to_string(ticks.First) + ":" + std::to_string(last);
+  if (first >= end)
+  {
+    throw UsageError("--frames " + text + ": no frame; A:B means frames A to B, the pipeline has " + range);
+  }
+  if (first < ticks.First || first > last)
+  {
+    throw UsageError("--frames " + text + ": the pipeline has frames " + range);
+  }
+  if (end > last + 1)
+  {
+    std::fprintf(stderr, "quell: --frames %s: the pipeline has frames %s; ending with frame %d\n", text.c_str(),
+      range.c_str(), last);
+    end = last + 1;
+  }
+}
+
+GraphOptions GraphOptionsOf(const PipelineArguments& a)
 {
   GraphOptions options;
   for (const std::string& d : a.Defines)
@@ -205,6 +204,12 @@ bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
   }
   options.Seed = a.Seed;
   options.OutputDirectory = a.OutputDirectory;
+  return options;
+}
+
+bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
+{
+  const GraphOptions options = GraphOptionsOf(a);
   run.Region = ParseRegion(a.Region);
 
   int errors = 0;
@@ -225,9 +230,38 @@ bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
   return true;
 }
 
+/// The document of a pipeline file, or of an image that a run wrote, and what the image says of its inputs.
+static std::shared_ptr<const PipelineDocument> ReadPipelineOrImage(
+  const std::string& file, Diagnostics& messages, std::string& inputs)
+{
+  if (!IsExr(file))
+  {
+    return ReadPipelineFile(file, messages);
+  }
+  std::map<std::string, std::string> metadata;
+  try
+  {
+    metadata = ReadImageHeader(file).Metadata;
+  }
+  catch (const StageError& e)
+  {
+    throw UsageError(e.what());
+  }
+  if (!metadata.count("pipeline"))
+  {
+    throw UsageError(file +
+                     ": no pipeline is in this image; those that quell run writes have it, unless another program "
+                     "wrote them anew");
+  }
+  inputs = metadata["inputs"];
+  // Lines and columns of messages are those of the text that quell inspect prints.
+  return ReadPipelineText(metadata["pipeline"], file, messages);
+}
+
 std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors)
 {
   Diagnostics messages;
+  std::string inputs;
   std::shared_ptr<Graph> graph;
   if (!IsExr(file))
   {
@@ -235,23 +269,7 @@ std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphO
   }
   else
   {
-    std::map<std::string, std::string> metadata;
-    try
-    {
-      metadata = ReadImageHeader(file).Metadata;
-    }
-    catch (const StageError& e)
-    {
-      throw UsageError(e.what());
-    }
-    if (!metadata.count("pipeline"))
-    {
-      throw UsageError(file +
-                       ": no pipeline is in this image; those that quell run writes have it, unless another program "
-                       "wrote them anew");
-    }
-    // Lines and columns of messages are those of the text that quell inspect prints.
-    const auto document = ReadPipelineText(metadata["pipeline"], file, messages);
+    const auto document = ReadPipelineOrImage(file, messages, inputs);
     if (document->Place.Line > 0)
     {
       graph = BuildGraph(document, AllStages(), options, messages);
@@ -260,12 +278,22 @@ std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphO
     graph = messages.HasErrors() ? nullptr : graph;
     if (graph)
     {
-      WarnOfChangedInputs(file, metadata["inputs"], *graph);
+      WarnOfChangedInputs(file, inputs, *graph);
     }
   }
   Print(messages);
   errors = messages.ErrorCount();
   return graph;
+}
+
+std::shared_ptr<const PipelineDocument> ReadDocument(const std::string& file)
+{
+  Diagnostics messages;
+  std::string inputs;
+  const auto document = ReadPipelineOrImage(file, messages, inputs);
+  messages.Sort();
+  Print(messages);
+  return messages.HasErrors() ? nullptr : document;
 }
 
 ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)

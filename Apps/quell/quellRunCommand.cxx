@@ -3,6 +3,7 @@
 #include "quellCommands.h"
 #include "quellExplain.h"
 #include "quellImageFile.h"
+#include "quellInterrupt.h"
 #include "quellPipelineWriter.h"
 #include "quellProgressLine.h"
 #include "quellProvenance.h"
@@ -12,7 +13,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -37,49 +37,6 @@ double SecondsSince(Clock::time_point start)
 {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
-
-CancelToken* interruptedToken = nullptr;
-
-/// The first interrupt ends the run after the frame at work, which gets no more samples than it has; the second one
-/// gives the frame up; the third one ends the program.
-extern "C" void HandleInterrupt(int signal)
-{
-  if (!interruptedToken)
-  {
-    return;
-  }
-  if (!interruptedToken->IsFinishing())
-  {
-    interruptedToken->Finish();
-    static const char text[] = "\nquell: finishing this frame with the samples it has; again to give it up\n";
-    if (write(STDERR_FILENO, text, sizeof text - 1) < 0)
-    {
-      return; // nobody reads it
-    }
-  }
-  else
-  {
-    interruptedToken->Cancel();
-    std::signal(signal, SIG_DFL);
-  }
-}
-
-/// Installs the handler for as long as a token lives.
-struct InterruptScope
-{
-  explicit InterruptScope(CancelToken* token)
-  {
-    interruptedToken = token;
-    std::signal(SIGINT, HandleInterrupt);
-    std::signal(SIGTERM, HandleInterrupt);
-  }
-  ~InterruptScope()
-  {
-    std::signal(SIGINT, SIG_DFL);
-    std::signal(SIGTERM, SIG_DFL);
-    interruptedToken = nullptr;
-  }
-};
 
 /// Which part of a frame is done, from each node's own progress weighed by the seconds it took so far, in the first
 /// frame by what it says a pixel costs.
@@ -571,7 +528,8 @@ int RunCommand(const RunArguments& arguments)
     throw UsageError(error);
   }
   const auto token = std::make_shared<CancelToken>();
-  const InterruptScope interrupts(token.get());
+  const InterruptScope interrupts(
+    token.get(), "quell: finishing this frame with the samples it has; again to give it up");
   executor.SetCancelToken(token);
   if (arguments.MemoryMegabytes > 0)
   {
