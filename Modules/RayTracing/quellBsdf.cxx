@@ -392,6 +392,7 @@ Surface::Sampled Surface::SampleLayered(
       if (Thin)
       {
         perfect(-wo, GlassTint * (part * attenuation(-wo)));
+        out.Straight = true;
         return out;
       }
       const float eta = side.Eta;
@@ -441,6 +442,21 @@ Surface::Sampled Surface::SampleLayered(
   out.Diffuse *= scale;
   out.Specular *= scale;
   return out;
+}
+
+Vec3f Surface::StraightThrough(const ShadingNormals& normals, const Vec3f& wo) const noexcept
+{
+  const float co = Dot(normals.Shading, wo);
+  if (!this->IsPane() || !(co > 0))
+    return {};
+  const GlassSide side = this->SideOf(normals.Front);
+  float coat = 1;
+  if (this->CoatOutside(side))
+  {
+    const Vec3f& top = normals.Coat == Vec3f() ? normals.Shading : normals.Coat;
+    coat = this->CoatFactor(std::fabs(Dot(top, wo)));
+  }
+  return GlassTint * (Glass * (1 - this->FresnelOfGlass(side, co).Chance) * coat * coat);
 }
 
 Vec3f Surface::AlbedoDiffuse(float cosOut) const noexcept

@@ -288,6 +288,10 @@ struct VTKQUELLRAYTRACING_EXPORT Surface
   bool IsPureDelta() const noexcept { return this->HasDelta() && !this->HasSmooth(); }
   /// Light from below can be seen by a light sample: rough glass.
   bool ScattersBelow() const noexcept { return Glass > 0 && !GlassIsDelta; }
+  /// A thin smooth wall: part of the light passes straight.
+  bool IsPane() const noexcept { return Glass > 0 && Thin && GlassIsDelta; }
+  /// What a pane lets pass straight on, seen from `wo`: the mean of what Sample does so. Without Prepare.
+  Vec3f StraightThrough(const ShadingNormals& normals, const Vec3f& wo) const noexcept;
   /// Sample reads uLobe or uSide.
   bool NeedsChoice() const noexcept { return HasSpecular || this->Layered(); }
   /// More than the opaque part.
@@ -404,7 +408,8 @@ struct VTKQUELLRAYTRACING_EXPORT Surface
     Vec3f Diffuse, Specular; ///< f cos / pdf of the diffuse lobe and of the others (delta: lobe weight / chance)
     float Pdf = 0;           ///< of the non-delta lobes; 0: nothing sampled
     bool Delta = false, Transmitted = false;
-    float Eta2 = 1; ///< squared relative index after refraction
+    bool Straight = false; ///< passed a pane, as StraightThrough says
+    float Eta2 = 1;        ///< squared relative index after refraction
   };
 
   /// uLobe, uSide pick the lobe; u, v the direction.

@@ -59,6 +59,7 @@ void EmbreeScene::SetTime(double time, double previous)
   this->Upper = hi + this->Center;
   if (lights)
     this->BuildLights(poses);
+  this->LookAtParts();
   this->PosedOpen = this->ShutterOpen;
   this->PosedClose = this->ShutterClose;
   this->Posed = true;
@@ -198,11 +199,7 @@ void EmbreeScene::Attach(Part& part, std::size_t index, Part::Built form, int st
   }
   else
   {
-    if (part.AlphaTested)
-    {
-      rtcSetGeometryIntersectFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
-      rtcSetGeometryOccludedFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
-    }
+    SetFilters(part.Handle, part);
     rtcSetGeometryBuildQuality(
       part.Handle, form == Part::Built::Refitted ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM);
   }

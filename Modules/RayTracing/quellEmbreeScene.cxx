@@ -44,6 +44,8 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& opti
       this->Warn(name + ": its emission is above 1e14; taken as 1e14");
   }
 
+  this->LayOutTexels();
+
   const std::vector<char> moving = s.MovingInstances();
   this->BodyOf.assign(s.Meshes.size(), -1);
   std::vector<std::int64_t> uses(s.Meshes.size(), 0);
@@ -75,9 +77,11 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& opti
     const Surface& surface = this->Surfaces[std::size_t(mesh.Material)];
     this->Has.Textures |= part.Textured;
     this->Has.Glossy |= surface.HasSpecular || surface.NeedsChoice();
-    this->Has.Glass |= surface.Glass > 0;
-    this->Has.Volumes |= m.Volume && surface.Glass > 0;
+    this->Has.Glass |= MayTransmit(m);
+    this->Has.Volumes |= m.Volume && MayTransmit(m);
     this->Has.SeeThrough |= part.AlphaTested;
+    part.Pane = MayBePane(m, surface);
+    this->Has.Panes |= part.Pane;
     if (!part.Moves && !part.Deforms)
       ++uses[std::size_t(i.Mesh)];
     this->Parts.push_back(std::move(part));
@@ -137,7 +141,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& opti
       part.World = this->Relative(part.Node >= 0 ? rest.World[std::size_t(part.Node)] : Mat4());
       if (!part.Deforms)
       {
-        part.Body = this->MakeBody(mesh, part.AlphaTested);
+        part.Body = this->MakeBody(mesh, part);
         continue;
       }
       // A hierarchy that is refitted needs the same triangles at all times: those without area at one time stay.
@@ -153,7 +157,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& opti
     if (share && !part.Deforms && uses[std::size_t(mesh)] > 1)
     {
       part.World = place;
-      part.Body = this->MakeBody(mesh, part.AlphaTested);
+      part.Body = this->MakeBody(mesh, part);
       const Body& body = this->Bodies[std::size_t(part.Body)];
       Mat4 base = place;
       const Vec3d at = place.Point(body.Base);
@@ -275,6 +279,8 @@ EmbreeScene::Statistics EmbreeScene::GetStatistics() const
     for (std::size_t k = 0; k < part.Open.Tangents.size(); ++k)
       add(part.Open.Tangents[k]);
   }
+  for (const auto& table : this->TexelTables)
+    out.Bytes += std::int64_t(table->Bytes());
   for (const Body& body : this->Bodies)
   {
     add(body.OwnPoints);
@@ -335,7 +341,15 @@ void EmbreeScene::FindBounds(const ScenePose& pose, Vec3d& lower, Vec3d& upper) 
   }
 }
 
-int EmbreeScene::MakeBody(int mesh, bool seeThrough)
+void EmbreeScene::SetFilters(RTCGeometry geometry, const Part& part)
+{
+  if (part.AlphaTested)
+    rtcSetGeometryIntersectFilterFunction(geometry, &EmbreeScene::SeeThrough);
+  if (part.AlphaTested || part.Pane)
+    rtcSetGeometryOccludedFilterFunction(geometry, part.Pane ? &EmbreeScene::PassPanes : &EmbreeScene::SeeThrough);
+}
+
+int EmbreeScene::MakeBody(int mesh, const Part& part)
 {
   int& index = this->BodyOf[std::size_t(mesh)];
   if (index >= 0)
@@ -376,11 +390,7 @@ int EmbreeScene::MakeBody(int mesh, bool seeThrough)
   }
   RTCGeometry geometry = rtcNewGeometry(this->Device, RTC_GEOMETRY_TYPE_TRIANGLE);
   SetBuffers(geometry, { body.Points }, n, body.Corners, body.Triangles);
-  if (seeThrough)
-  {
-    rtcSetGeometryIntersectFilterFunction(geometry, &EmbreeScene::SeeThrough);
-    rtcSetGeometryOccludedFilterFunction(geometry, &EmbreeScene::SeeThrough);
-  }
+  SetFilters(geometry, part);
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(body.Rtc, geometry, 0);
   rtcReleaseGeometry(geometry);
@@ -495,11 +505,7 @@ void EmbreeScene::BakeStill(Part& part, std::size_t index, const ScenePose& pose
   part.Form = Part::Built::Rebuilt;
   SetBuffers(part.Handle, { points }, n, part.Corners, part.Triangles);
   rtcSetGeometryUserData(part.Handle, reinterpret_cast<void*>(index));
-  if (part.AlphaTested)
-  {
-    rtcSetGeometryIntersectFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
-    rtcSetGeometryOccludedFilterFunction(part.Handle, &EmbreeScene::SeeThrough);
-  }
+  SetFilters(part.Handle, part);
   rtcCommitGeometry(part.Handle);
   rtcAttachGeometryByID(this->Rtc, part.Handle, unsigned(index));
 }

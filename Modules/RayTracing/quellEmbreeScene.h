@@ -5,6 +5,7 @@
 #include "quellBsdf.h"
 #include "quellLightSampler.h"
 #include "quellScene.h"
+#include "quellTexelTable.h"
 #include "vtkQuellRayTracingModule.h"
 
 #include <embree3/rtcore.h>
@@ -77,6 +78,8 @@ public:
     double ChordError = 1e-4;
     /// ... as far as so many straight segments allow (powers of 2; at most 64).
     int RigidSegments = 64, DeformingSegments = 16;
+    /// Copies of textures that are laid out for reading (TexelTable) may take so much memory in all.
+    std::int64_t TexelBytes = std::int64_t(1) << 30;
     LightSelection Lights = LightSelection::Auto;
   };
 
@@ -95,12 +98,26 @@ public:
   /// Poses the scene at `time`; `previous` is the time of the frame before, for motion.
   void SetTime(double time, double previous);
 
+  /// Panes (Surface::IsPane) that a shadow ray has met so far. They are kept and not multiplied at once: a hierarchy
+  /// visits them in an order of its own.
+  struct PanesMet
+  {
+    static constexpr int Most = 16;
+    int Allowed = 0; ///< one more blocks the ray
+    int Count = 0;
+    struct One
+    {
+      float T, U, V;
+      std::uint32_t Geometry, Primitive;
+    } Met[Most];
+  };
   /// `context` is rtcInitIntersectContext's with the ray key behind it, see Context.
   struct Context
   {
     RTCIntersectContext Rtc;
     std::uint32_t Key = 0;
     const EmbreeScene* Self = nullptr;
+    PanesMet Panes;
   };
   void Begin(Context& context) const noexcept
   {
@@ -108,7 +125,10 @@ public:
     context.Self = this;
   }
   bool Intersect(Context& context, const TraceRay& ray, SurfaceHit& hit) const noexcept;
+  /// Panes that it meets are in context.Panes, as many as are Allowed there; any more block the ray.
   bool Occluded(Context& context, const TraceRay& ray) const noexcept;
+  /// What they let pass, one after the other.
+  Vec3f PassedBy(PanesMet& panes, const Vec3f& direction, float time) const noexcept;
 
   void Shade(const SurfaceHit& hit, const Vec3f& direction, SurfacePoint& point) const noexcept;
   /// Where the hit's material point was at the previous time; false when it did not move.
@@ -153,10 +173,6 @@ public:
     pdf *= 1 - this->MovingShare;
     return sky;
   }
-  float SkyPdf(const Vec3f& direction) const noexcept
-  {
-    return this->LightSource.SkyPdf(direction) * (1 - this->MovingShare);
-  }
 
   const Scene& GetScene() const { return *this->Source; }
   const Vec3d& Origin() const { return this->Center; }
@@ -173,6 +189,7 @@ public:
   {
     bool Geometry = false, Textures = false, Glossy = false, Glass = false, SeeThrough = false, Animated = false;
     bool Volumes = false;
+    bool Panes = false;        ///< that shadow rays pass
     bool MotionBlur = false;   ///< something moves while the shutter is open (cameras aside)
     bool MovingLights = false; ///< emitters among it
   } Has;
@@ -237,7 +254,7 @@ private:
     bool Deforms = false;  ///< a matrix does not place it
     bool Moved = false;    ///< between the previous and this time
     bool Mirrored = false; ///< triangles are inside out: the cross product of their edges points inside
-    bool AlphaTested = false, Textured = false, Plain = false;
+    bool AlphaTested = false, Pane = false, Textured = false, Plain = false;
     // What shading reads. For Rigid and Flat normals and tangents are the mesh's (null: none, or not one per vertex).
     const float* Points = nullptr;          ///< 3 per vertex
     const std::uint32_t* Corners = nullptr; ///< 3 per triangle, usable ones only
@@ -270,6 +287,28 @@ private:
     bool Shown = false;  ///< Handle takes part
     bool Warned = false; ///< of a matrix that is not finite
   };
+  /// What every hit reads of its part, side by side.
+  struct alignas(64) Glance
+  {
+    const float* Points = nullptr;
+    const std::uint32_t* Corners = nullptr;
+    const Vec3f* Normals = nullptr;   ///< of still parts whose normals are interpolated
+    const Vec2f* TexCoords = nullptr; ///< of the first set; null: none
+    std::uint32_t Flags = 0;          ///< WavefrontAccess's
+    Vec3f Diffuse;                    ///< albedo where nothing varies
+    float ToNormal[3][3];
+    // of the material
+    Vec3f Base, Tint;
+    float Metallic = 0, Roughness = 0, Specular = 0, Ior = 0, NormalScale = 1;
+    const TexelTable* Texels = nullptr;
+    const Vec2f* Coordinates = nullptr;              ///< for Texels
+    const TextureUse* Use = nullptr;                 ///< places the coordinates
+    bool Color = false, Metal = false, Bump = false; ///< what Texels holds
+    bool Bends = false;                              ///< its normals go into WavefrontAccess::Bumped
+    bool Others = false; ///< the material has textures beside it, or there are vertex colours
+  };
+  void LookAtParts();
+  void LayOutTexels();
   /// An emitting triangle or punctual light that moves while the shutter is open.
   struct MovingTriangle
   {
@@ -286,7 +325,8 @@ private:
   /// Poses within the shutter, by 128ths of it.
   using Poses = std::map<int, ScenePose>;
   void FindBounds(const ScenePose& pose, Vec3d& lower, Vec3d& upper) const;
-  int MakeBody(int mesh, bool seeThrough);
+  int MakeBody(int mesh, const Part& part);
+  static void SetFilters(RTCGeometry geometry, const Part& part);
   void BakeStill(Part& part, std::size_t index, const ScenePose& pose);
   struct Change; ///< what SetTime finds out about a moving part before Embree is told
   bool PoseMoving(const ScenePose& pose, const ScenePose& previous, bool continues, Poses& poses);
@@ -341,12 +381,16 @@ private:
   float AlphaAt(const Part& part, std::uint32_t primitive, float u, float v) const noexcept;
   Vec3f EmissionAt(const Part& part, std::uint32_t primitive, float u, float v) const noexcept;
   static void SeeThrough(const RTCFilterFunctionNArguments* args);
+  static void PassPanes(const RTCFilterFunctionNArguments* args);
 
   std::shared_ptr<const Scene> Source;
   Options Settings;
   Vec3d Center;
   double Radius = 1; ///< of the scene at rest
   std::vector<Part> Parts;
+  std::vector<Glance> Glances; ///< one per part
+  std::vector<std::unique_ptr<TexelTable>> TexelTables;
+  std::vector<int> TexelsOf; ///< per material, -1: none
   std::vector<Body> Bodies;
   std::vector<int> BodyOf;         ///< per mesh, -1: none
   std::vector<std::size_t> Movers; ///< indices of parts that move

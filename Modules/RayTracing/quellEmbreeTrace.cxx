@@ -2,9 +2,11 @@
 // Rays against the scene.
 #include "quellEmbreeScene.h"
 #include "quellSampler.h"
+#include "quellWavefront.h"
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace quell
 {
@@ -74,19 +76,29 @@ bool EmbreeScene::Occluded(Context& context, const TraceRay& ray) const noexcept
   r.id = 0;
   r.flags = 0;
   context.Key = ray.Key;
+  context.Panes.Count = 0;
   rtcOccluded1(this->Rtc, &context.Rtc, &r);
   if (this->Moving && !(r.tfar < 0))
     rtcOccluded1(this->Moving, &context.Rtc, &r);
   return r.tfar < 0;
 }
 
+namespace
+{
+/// The part that was hit; a body's geometry belongs to many.
+std::size_t PartOf(const RTCFilterFunctionNArguments* args) noexcept
+{
+  const unsigned instance = args->context->instID[0];
+  return instance != RTC_INVALID_GEOMETRY_ID ? std::size_t(instance)
+                                             : reinterpret_cast<std::size_t>(args->geometryUserPtr);
+}
+}
+
 void EmbreeScene::SeeThrough(const RTCFilterFunctionNArguments* args)
 {
   const Context* context = reinterpret_cast<const Context*>(args->context);
   const EmbreeScene& self = *context->Self;
-  const unsigned instance = context->Rtc.instID[0]; // a body's geometry belongs to many parts
-  const std::size_t index =
-    instance != RTC_INVALID_GEOMETRY_ID ? std::size_t(instance) : reinterpret_cast<std::size_t>(args->geometryUserPtr);
+  const std::size_t index = PartOf(args);
   const Part& part = self.Parts[index];
   for (unsigned i = 0; i < args->N; ++i)
   {
@@ -98,5 +110,71 @@ void EmbreeScene::SeeThrough(const RTCFilterFunctionNArguments* args)
     if (alpha < 1 && !(SurfaceRandom(context->Key, std::uint32_t(index), primitive) < alpha))
       args->valid[i] = 0;
   }
+}
+
+void EmbreeScene::PassPanes(const RTCFilterFunctionNArguments* args)
+{
+  Context* context = reinterpret_cast<Context*>(args->context);
+  const EmbreeScene& self = *context->Self;
+  const std::size_t index = PartOf(args);
+  const Part& part = self.Parts[index];
+  if (part.AlphaTested)
+    SeeThrough(args);
+  PanesMet& panes = context->Panes;
+  for (unsigned i = 0; i < args->N; ++i)
+  {
+    if (args->valid[i] != -1 || panes.Allowed == 0)
+      continue;
+    PanesMet::One met;
+    met.T = RTCRayN_tfar(args->ray, args->N, i);
+    met.U = RTCHitN_u(args->hit, args->N, i);
+    met.V = RTCHitN_v(args->hit, args->N, i);
+    met.Geometry = std::uint32_t(index);
+    met.Primitive = RTCHitN_primID(args->hit, args->N, i);
+    SurfaceHit hit;
+    hit.Geometry = met.Geometry;
+    hit.Primitive = met.Primitive;
+    hit.U = met.U;
+    hit.V = met.V;
+    Vec3f unlit;
+    float roughness;
+    const bool pane = part.Plain ? self.Surfaces[std::size_t(part.Material)].IsPane()
+                                 : WavefrontAccess::Resolve(self, hit, roughness, unlit).IsPane();
+    if (!pane)
+      continue;
+    // a hierarchy may ask twice about one triangle
+    bool known = false;
+    for (int k = 0; k < panes.Count; ++k)
+      known |= panes.Met[k].Geometry == met.Geometry && panes.Met[k].Primitive == met.Primitive;
+    if (!known && panes.Count == panes.Allowed)
+      continue;
+    if (!known)
+      panes.Met[panes.Count++] = met;
+    args->valid[i] = 0;
+  }
+}
+
+Vec3f EmbreeScene::PassedBy(PanesMet& panes, const Vec3f& direction, float time) const noexcept
+{
+  std::sort(panes.Met, panes.Met + panes.Count,
+    [](const PanesMet::One& a, const PanesMet::One& b)
+    { return std::tie(a.T, a.Geometry, a.Primitive) < std::tie(b.T, b.Geometry, b.Primitive); });
+  const Vec3f along = Normalized(direction);
+  Vec3f passed(1.f);
+  for (int k = 0; k < panes.Count; ++k)
+  {
+    const PanesMet::One& met = panes.Met[k];
+    SurfaceHit hit;
+    hit.Geometry = met.Geometry;
+    hit.Primitive = met.Primitive;
+    hit.U = met.U;
+    hit.V = met.V;
+    hit.Time = time;
+    this->Locate(this->Parts[hit.Geometry], hit, along);
+    SurfacePoint point;
+    this->Shade(hit, along, point);
+    passed *= point.Material.StraightThrough(point.Normals, -along);
+  }
+  return passed;
 }
 }

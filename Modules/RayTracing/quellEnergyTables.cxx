@@ -93,11 +93,6 @@ struct View
     return c * (Z + Smith) / (Smith * c + s * Z);
   }
 };
-
-float Weight5(float cosine) noexcept
-{
-  return SchlickWeight(cosine);
-}
 }
 
 EnergyTables::EnergyTables() noexcept
@@ -116,7 +111,7 @@ EnergyTables::EnergyTables() noexcept
         float h, oh;
         view.Half(nodes.X[i], nodes.Y[i], h, oh);
         single[i] = view.Masking(2 * oh * h - mu) * nodes.Weight[i];
-        schlick[i] = single[i] * Weight5(oh);
+        schlick[i] = single[i] * SchlickWeight(oh);
       }
       float e = 0, b = 0;
       for (int i = 0; i < nodes.Count; ++i)
@@ -126,7 +121,7 @@ EnergyTables::EnergyTables() noexcept
       }
       float* out = this->Ggx + 2 * (Size * r + c);
       out[0] = std::min(1.f, e);
-      out[1] = b - out[0] * Weight5(mu);
+      out[1] = b - out[0] * SchlickWeight(mu);
     }
   }
   for (int r = 0; r < Size; ++r)
@@ -140,7 +135,7 @@ EnergyTables::EnergyTables() noexcept
     {
       // mu = q^2: more of them where E bends
       const double q = (i + .5) / n, mu = q * q, weight = 4 * q * mu / n;
-      const Pair p = Look(row, float(mu), Weight5(float(mu)));
+      const Pair p = Look(row, float(mu), SchlickWeight(float(mu)));
       e += p.E * weight;
       b += p.B * weight;
     }

@@ -27,6 +27,13 @@ struct PathSample
   Vec3f DirectDiffuse, IndirectDiffuse; ///< the part of them that the diffuse lobe of the first non-delta vertex made
   Vec3f* Bounces = nullptr;             ///< [n - 1]: light after n non-delta scatterings; length Film::BounceLayers()
   float HitDistance = -1;               ///< of the first segment after the first non-delta scattering; -1: none
+  /// As if it had met nothing; guides and primary hit stay.
+  void Darken() noexcept
+  {
+    Emission = Direct = Indirect = DirectDiffuse = IndirectDiffuse = Vec3f();
+    Bounces = nullptr;
+    HitDistance = -1;
+  }
 
   /// Guides, at the first vertex that is not a perfect mirror or clear glass.
   Vec3f AlbedoDiffuse{ 1, 1, 1 }, AlbedoSpecular, Albedo{ 1, 1, 1 }, Normal;

@@ -74,19 +74,6 @@ bool Finish(PathSample& s, int bounceLayers, float clamp) noexcept
   return bad;
 }
 
-/// What the variants know at compile time.
-struct DiffuseFeatures
-{
-  static constexpr bool Diffuse = true, Layers = false, SeeThrough = false;
-};
-struct OpaqueFeatures
-{
-  static constexpr bool Diffuse = false, Layers = false, SeeThrough = false;
-};
-struct GeneralFeatures
-{
-  static constexpr bool Diffuse = false, Layers = true, SeeThrough = true;
-};
 constexpr int BouncePool = 2048;
 }
 
@@ -98,11 +85,12 @@ struct Integrator::Batch
   struct Start
   {
     int X, Y, Sample; ///< pixel; sample, counted from the first of its tick
-    double Px, Py;
   } Starts[Wavefront::Width];
   Vec3f Bounces[BouncePool];
   std::uint32_t Keys[Wavefront::Width];
-  bool Lightable[Wavefront::Width]; ///< rows that light samples may be of use to
+  int Apart[Wavefront::Width];                              ///< rows that are shaded one by one,
+  std::uint32_t Kept[Wavefront::AllRows][Wavefront::Width]; ///< and their state
+  bool Lightable[Wavefront::Width];                         ///< rows that light samples may be of use to
   EmbreeScene::Context Context;
   TraceCounters* Counters = nullptr;
 
@@ -113,8 +101,21 @@ struct Integrator::Batch
   bool Guides = false, PrimaryHit = false, MotionVectors = false, Distance = false;
   int BounceLayers = 0;
   int Deepest = 0; ///< non-delta scatterings after which nothing wanted can follow
-  bool PickTriangles = false;
+  FewTriangles Few;
+  double Px[Wavefront::Width], Py[Wavefront::Width]; ///< where the camera rays go through, pixels
+  bool PickTriangles = false, SkyImage = false;
+  bool Keyed = false; ///< something is see-through
+  bool OneByOne = false;
+  bool Drawn = false; ///< the random numbers of the vertex are there
 
+  /// Of the rays of all rows, null where no ray needs one.
+  const std::uint32_t* RayKeys(std::uint32_t which) noexcept
+  {
+    if (!this->Keyed)
+      return nullptr;
+    lanes::RayKeys(this->W, which, this->Keys);
+    return this->Keys;
+  }
   /// Light after `bounce` non-delta scatterings, `diffuse` of it by the diffuse lobe of the first of them.
   void Add(std::uint32_t path, int bounce, const Vec3f& light, const Vec3f& diffuse) noexcept
   {
@@ -171,13 +172,16 @@ std::vector<std::string> Integrator::ExplainVariant(const Film& film) const
           "integrator variant \"opaque\": glossy materials, but no glass or clearcoat and nothing see-through");
         break;
       default:
-        lines.push_back(
-          std::string("integrator variant \"general\": the scene has ") + (has.SeeThrough ? "see-through surfaces"
-                                                                            : has.Glass   ? "glass"
-                                                                                          : "clearcoat"));
+        lines.push_back(std::string("integrator variant \"general\": the scene has ") +
+                        (has.SeeThrough ? "see-through surfaces"
+                          : has.Glass   ? "glass"
+                                        : "clearcoat or a volume") +
+                        "; glass and clearcoat vertex by vertex, all else in vectors");
     }
-  if (light && WavefrontAccess::CanPickTriangles(*this->Scene))
+  if (FewTriangles few; light && WavefrontAccess::FindTriangles(*this->Scene, few))
     lines.push_back("a few light triangles are all the light: light samples in vectors");
+  if (light && has.Panes)
+    lines.push_back("light samples pass thin clear glass");
   if (light && !film.WantsIndirect())
     lines.push_back(film.WantsDirect() ? "no indirect light is asked for: paths end after one scattering"
                                        : "only emission is asked for: no light samples");
@@ -199,8 +203,11 @@ void Integrator::Render(Film& film, const Rect& part, int first, int count, Trac
   b.Counters = &counters;
   b.Pattern = this->Pattern;
   b.Tick = this->Tick;
-  b.PickTriangles = WavefrontAccess::CanPickTriangles(scene);
+  b.PickTriangles = WavefrontAccess::FindTriangles(scene, b.Few);
+  b.SkyImage = WavefrontAccess::HasSkyImage(scene);
   const Variant variant = this->Chosen();
+  b.Keyed = variant >= Variant::General && scene.Has.SeeThrough;
+  b.OneByOne = variant == Variant::OneByOne;
   Vec2<double> fixed{ 0.5, 0.5 };
   if (this->PixelJitter == Jitter::PerFrame)
   {
@@ -242,7 +249,7 @@ void Integrator::Render(Film& film, const Rect& part, int first, int count, Trac
       for (; n < width && y < part.y1; ++n)
       {
         const std::uint32_t index = base + std::uint32_t(s);
-        b.Starts[n] = { x, y, before + s, 0, 0 };
+        b.Starts[n] = { x, y, before + s };
         b.W.Live.Path[n] = std::uint32_t(n);
         const std::uint64_t pixel = key ^ (std::uint64_t(std::uint32_t(y)) << 20 ^ std::uint64_t(std::uint32_t(x)));
         live.KeyLo[n] = std::uint32_t(pixel);
@@ -269,52 +276,61 @@ void Integrator::Render(Film& film, const Rect& part, int first, int count, Trac
         this->DrawRandom(b, PairLens, 2);
       for (int i = 0; i < n; ++i)
       {
-        Batch::Start& start = b.Starts[i];
+        const Batch::Start& start = b.Starts[i];
         Vec2<double> offset = fixed;
         if (jittered)
         {
           const Vec2<double> o = this->Filter.Offset({ w.Random[0][i], w.Random[1][i] });
           offset = { 0.5 + o.x, 0.5 + o.y };
         }
-        start.Px = start.X + offset.x;
-        start.Py = start.Y + offset.y;
-        const double time = this->Shutter ? double(w.Random[2][i]) : 0;
-        Vec3d from, direction;
-        if (painted)
-          this->View.Ray(start.Px, start.Py, lens ? Vec2f{ w.Random[4][i], w.Random[5][i] } : Vec2f{ 0.5f, 0.5f }, time,
-            from, direction);
-        else
-          this->View.Ray(start.Px, start.Py, from, direction);
-        live.Ox[i] = float(from.x);
-        live.Oy[i] = float(from.y);
-        live.Oz[i] = float(from.z);
-        live.Dx[i] = float(direction.x);
-        live.Dy[i] = float(direction.y);
-        live.Dz[i] = float(direction.z);
-        live.Time[i] = float(time);
+        b.Px[i] = start.X + offset.x;
+        b.Py[i] = start.Y + offset.y;
+        live.Time[i] = this->Shutter ? w.Random[2][i] : 0.f;
         live.Tr[i] = live.Tg[i] = live.Tb[i] = 1;
         live.Sr[i] = live.Sg[i] = live.Sb[i] = 1;
         live.EtaScale[i] = 1;
         live.Skipped[i] = 0;
         live.Flags[i] =
           Wavefront::DeltaBit | (b.Guides ? Wavefront::GuidesBit : 0) | (b.Distance ? Wavefront::DistanceBit : 0);
-        b.Samples[i] = PathSample();
+        // light alone touches nothing else of a sample
+        if (b.Guides || b.PrimaryHit)
+          b.Samples[i] = PathSample();
+        else
+          b.Samples[i].Darken();
         if (b.BounceLayers > 0)
         {
           b.Samples[i].Bounces = b.Bounces + std::size_t(i) * std::size_t(b.BounceLayers);
           std::fill_n(b.Samples[i].Bounces, b.BounceLayers, Vec3f());
         }
       }
+      if (!painted && !this->View.Orthographic)
+        lanes::CameraRays(w, b.Px, b.Py, this->View);
+      else
+        for (int i = 0; i < n; ++i)
+        {
+          Vec3d from, direction;
+          if (painted)
+            this->View.Ray(b.Px[i], b.Py[i], lens ? Vec2f{ w.Random[4][i], w.Random[5][i] } : Vec2f{ 0.5f, 0.5f },
+              double(live.Time[i]), from, direction);
+          else
+            this->View.Ray(b.Px[i], b.Py[i], from, direction);
+          live.Ox[i] = float(from.x);
+          live.Oy[i] = float(from.y);
+          live.Oz[i] = float(from.z);
+          live.Dx[i] = float(direction.x);
+          live.Dy[i] = float(direction.y);
+          live.Dz[i] = float(direction.z);
+        }
       switch (variant)
       {
         case Variant::Diffuse:
-          this->Run<DiffuseFeatures>(b);
+          this->Run<Variant::Diffuse>(b);
           break;
         case Variant::Opaque:
-          this->Run<OpaqueFeatures>(b);
+          this->Run<Variant::Opaque>(b);
           break;
         default:
-          this->Run<GeneralFeatures>(b);
+          this->Run<Variant::General>(b);
       }
       for (int i = 0; i < n; ++i)
       {
@@ -383,8 +399,7 @@ void Integrator::Primary(Batch& b) const noexcept
     const bool moved = found && scene.PreviousPosition(hit, before);
     if (!moved && still)
       continue;
-    const Batch::Start& start = b.Starts[path];
-    Vec2<double> now{ start.Px, start.Py };
+    Vec2<double> now{ b.Px[path], b.Py[path] };
     if (found)
     {
       this->View.Project(position, 1, now);
@@ -393,7 +408,7 @@ void Integrator::Primary(Batch& b) const noexcept
     else if (!this->View.Orthographic)
     {
       Vec3d from, forward;
-      this->View.Ray(start.Px, start.Py, from, forward);
+      this->View.Ray(now.x, now.y, from, forward);
       out.Motion = Motion(this->PreviousView, forward, 0, now);
     }
   }
@@ -417,7 +432,8 @@ void Integrator::Sky(Batch& b, int i) const noexcept
     return;
   const Vec3f direction = b.Direction(i);
   float weight = 1, skyPdf;
-  const Vec3f sky = scene.SkyAndPdf(direction, skyPdf);
+  const Vec3f sky = b.SkyImage && IsFinite(direction) ? WavefrontAccess::SkyAt(scene, w, i, skyPdf)
+                                                      : scene.SkyAndPdf(direction, skyPdf);
   if (!(flags & Wavefront::DeltaBit) && this->Sampling != Strategy::BsdfOnly)
     weight = this->Sampling == Strategy::LightOnly ? 0 : PowerHeuristic(w.Live.Pdf[i], skyPdf);
   const Vec3f light = b.Throughput(i) * sky * weight;
@@ -457,20 +473,21 @@ void Integrator::DrawLights(Batch& b) const noexcept
 {
   const EmbreeScene& scene = *this->Scene;
   Wavefront& w = b.W;
-  const bool sky = scene.Lights().HasSky() && !scene.Has.MovingLights; // those rescale the pick
   if (b.PickTriangles)
   {
-    WavefrontAccess::PickTriangles(scene, w);
-    lanes::DrawTriangles(w);
+    lanes::DrawTriangles(w, b.Few);
+    return;
   }
+  // lights that move take part of the picks
+  const float distant = b.SkyImage && !scene.Has.MovingLights ? WavefrontAccess::SkyFrom(scene) : 1.f;
+  if (distant < 1)
+    WavefrontAccess::DrawSky(scene, w, b.Lightable);
   else
+    std::fill_n(w.LightFlags, w.Count, 0u);
+  if (distant > 0)
     for (int i = 0; i < w.Count; ++i)
     {
-      w.LightFlags[i] = 0;
-      if (const int ahead = i + 10; sky && ahead < w.Count)
-        scene.Lights().PrefetchDraw(w.Random[2 * PairLightPick][ahead], w.Random[2 * PairLightPoint][ahead],
-          w.Random[2 * PairLightPoint + 1][ahead]);
-      if (!w.Alive[i] || !b.Lightable[i])
+      if (!w.Alive[i] || !b.Lightable[i] || !(w.Random[2 * PairLightPick][i] < distant))
         continue;
       const Receiver here{ { w.Px[i], w.Py[i], w.Pz[i] }, { w.Sx[i], w.Sy[i], w.Sz[i] }, false };
       LightSampler::Sample s;
@@ -503,17 +520,6 @@ void Integrator::DiffuseVertices(Batch& b, int depth) const noexcept
     for (int i = 0; i < w.Count; ++i)
       if (w.Alive[i])
         b.Samples[w.Live.Path[i]].HitDistance = w.T[i];
-  if (w.Bent && (b.Guides || depth < this->MaximumBounces))
-    for (int i = 0; i < w.Count; ++i)
-      if (w.Alive[i] && (w.Material[i] & WavefrontAccess::Bent))
-      {
-        ShadingNormals normals;
-        WavefrontAccess::Hit(scene, w, i, false, hit);
-        WavefrontAccess::Normals(scene, hit, -b.Direction(i), normals);
-        w.Sx[i] = normals.Shading.x;
-        w.Sy[i] = normals.Shading.y;
-        w.Sz[i] = normals.Shading.z;
-      }
   if (b.Guides && depth == 0)
     for (int i = 0; i < w.Count; ++i)
       if (w.Alive[i])
@@ -541,18 +547,13 @@ void Integrator::DiffuseVertices(Batch& b, int depth) const noexcept
     w.Count = 0;
     return;
   }
-  if (w.Varies)
-    for (int i = 0; i < w.Count; ++i)
-      if (w.Alive[i] && (w.Material[i] & WavefrontAccess::Varies))
-      {
-        WavefrontAccess::Hit(scene, w, i, false, hit);
-        float roughness;
-        Vec3f unlit;
-        const Vec3f albedo = WavefrontAccess::Resolve(scene, hit, roughness, unlit).Diffuse;
-        w.Ar[i] = albedo.x;
-        w.Ag[i] = albedo.y;
-        w.Ab[i] = albedo.z;
-      }
+  if (w.Any & (WavefrontAccess::Varies | WavefrontAccess::Bent))
+  {
+    WavefrontAccess::Values(scene, w);
+    lanes::PrepareOpaque(w); // makes the albedo, and more
+  }
+  else if (w.Any & WavefrontAccess::Smooth)
+    lanes::Bend(w, false);
 
   const bool goesOn =
     depth + 1 <= b.Deepest && (depth + 1 < this->MaximumBounces || (b.Distance && depth == 0) || scene.HasHittable());
@@ -563,11 +564,14 @@ void Integrator::DiffuseVertices(Batch& b, int depth) const noexcept
   if (lights)
   {
     this->DrawBounce(b, depth, PairLightPoint);
-    for (int i = 0; i < w.Count; ++i)
+    for (int i = 0; i < w.Count && !b.PickTriangles; ++i)
       b.Lightable[i] = w.Ar[i] > 0 || w.Ag[i] > 0 || w.Ab[i] > 0;
     this->DrawLights(b);
-    lanes::LightDiffuse(w, this->Sampling == Strategy::Mis);
-    b.Counters->Rays += WavefrontAccess::Occlude(scene, b.Context, w, nullptr, b.Counters->Record);
+    lanes::AimDiffuse(w);
+    b.Counters->Rays += WavefrontAccess::Occlude(scene, b.Context, w, nullptr, 0, b.Counters->Record);
+    if (b.SkyImage)
+      WavefrontAccess::LightOfSky(scene, w);
+    lanes::Shine(w, this->Sampling == Strategy::Mis, false);
     for (int i = 0; i < w.Count; ++i)
       if (w.Lit[i])
       {
@@ -585,7 +589,8 @@ void Integrator::DiffuseVertices(Batch& b, int depth) const noexcept
   lanes::Close(w, Wavefront::DiffuseRows);
 }
 
-/// Everything between two segments for paths among opaque surfaces, `depth` scatterings (perfect mirrors count) on.
+/// Everything between two segments for paths among opaque surfaces, `depth` scatterings (perfect mirrors count) on, but
+/// closing up.
 void Integrator::OpaqueVertices(Batch& b, int depth) const noexcept
 {
   const EmbreeScene& scene = *this->Scene;
@@ -596,6 +601,8 @@ void Integrator::OpaqueVertices(Batch& b, int depth) const noexcept
   for (int e = 0; e < w.Emitters && b.AnyLight; ++e)
   {
     const int i = int(w.Emitter[e]);
+    if (!w.Alive[i])
+      continue;
     WavefrontAccess::Hit(scene, w, i, false, hit);
     Vec3f unlit;
     if ((live.Flags[i] & Wavefront::SmoothMask) == 0)
@@ -642,18 +649,16 @@ void Integrator::OpaqueVertices(Batch& b, int depth) const noexcept
     lights = lights || b.Lightable[i];
   }
   if (!any)
-  {
-    w.Count = 0;
     return;
-  }
   WavefrontAccess::Values(scene, w);
   lanes::PrepareOpaque(w);
   const bool gambles = depth >= this->RouletteStart;
-  if (lights || gambles)
+  if ((lights || gambles) && !b.Drawn)
     this->DrawBounce(b, depth, PairLightPick);
   if (lights)
   {
-    this->DrawBounce(b, depth, PairLightPoint);
+    if (!b.Drawn)
+      this->DrawBounce(b, depth, PairLightPoint);
     for (int i = 0; i < w.Count; ++i)
     {
       const std::uint32_t lobes = w.Opaque.Lobes[i];
@@ -666,21 +671,24 @@ void Integrator::OpaqueVertices(Batch& b, int depth) const noexcept
       for (int i = 0; i < w.Count; ++i)
         if (!w.Alive[i] || !b.Lightable[i])
           w.LightFlags[i] = 0;
-    lanes::LightOpaque(w, this->Sampling == Strategy::Mis);
-    b.Counters->Rays += WavefrontAccess::Occlude(scene, b.Context, w, nullptr, b.Counters->Record);
+    lanes::AimOpaque(w);
+    b.Counters->Rays += WavefrontAccess::Occlude(scene, b.Context, w, b.RayKeys(2 * std::uint32_t(depth) + 1),
+      this->MaximumBounces - depth - 1, b.Counters->Record);
+    if (b.SkyImage)
+      WavefrontAccess::LightOfSky(scene, w);
+    lanes::Shine(w, this->Sampling == Strategy::Mis, true);
     for (int i = 0; i < w.Count; ++i)
       if (w.Lit[i])
         b.Add(live.Path[i], int(live.Flags[i] & Wavefront::SmoothMask) + 1, { w.Cr[i], w.Cg[i], w.Cb[i] },
           { w.Br[i], w.Bg[i], w.Bb[i] });
   }
-  this->DrawBounce(b, depth, PairBsdf);
-  this->DrawBounce(b, depth, PairLobe);
+  if (!b.Drawn)
+    for (SamplePair pair : { PairBsdf, PairLobe })
+      this->DrawBounce(b, depth, pair);
   lanes::ScatterOpaque(w, b.Deepest, gambles, depth + 1 == this->MaximumBounces && !scene.HasHittable());
-  lanes::Close(w, Wavefront::AllRows);
 }
 
 /// Everything at the vertex of one path but the shadow ray, which is left in the row's columns; false: the path ends.
-template <class Features>
 bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
 {
   const EmbreeScene& scene = *this->Scene;
@@ -699,7 +707,7 @@ bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
   WavefrontAccess::Hit(scene, w, i, false, hit);
   Vec3f throughput = b.Throughput(i);
   const Vec3f direction = b.Direction(i);
-  if (Features::Layers && scene.Has.Volumes && !hit.Front)
+  if (scene.Has.Volumes && !hit.Front)
   {
     Vec3f color;
     float length;
@@ -739,7 +747,7 @@ bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
   if (last || !((b.AnyLight && smooth <= b.Deepest) || pending))
     return false;
 
-  const Receiver here{ hit.Pf, normals.Shading, Features::Layers && material.ScattersBelow() };
+  const Receiver here{ hit.Pf, normals.Shading, material.ScattersBelow() };
   material.Prepare(facing);
   const int next = std::min(smooth + 1, 2);
   if (b.Wanted[next] && material.HasSmooth() && !scene.NoLights() && this->Sampling != Strategy::BsdfOnly)
@@ -793,10 +801,14 @@ bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
   throughput *= weight;
   if (!(MaxComponent(throughput) > 0))
     return false;
-  if (Features::Layers && s.Transmitted)
+  if (s.Transmitted)
     live.EtaScale[i] *= s.Eta2;
-  flags = s.Delta ? flags | Wavefront::DeltaBit : flags & ~Wavefront::DeltaBit;
-  live.Pdf[i] = s.Pdf;
+  // Shadow rays pass panes straight, too: what lies behind is weighed as the vertex before the pane would.
+  if (!s.Straight)
+  {
+    flags = s.Delta ? flags | Wavefront::DeltaBit : flags & ~Wavefront::DeltaBit;
+    live.Pdf[i] = s.Pdf;
+  }
   if (!s.Delta)
   {
     if (smooth == 0)
@@ -845,58 +857,85 @@ bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
   return true;
 }
 
-template <class Features>
+/// Everything between two segments for any paths: opaque surfaces in vectors, glass and clearcoats one by one.
+void Integrator::GeneralVertices(Batch& b, int depth) const noexcept
+{
+  Wavefront& w = b.W;
+  int apart = 0, others = 0;
+  for (int i = 0; i < w.Count; ++i)
+  {
+    const bool alive = w.Alive[i] != 0, layered = b.OneByOne || (w.Material[i] & WavefrontAccess::Layered) != 0;
+    b.Apart[apart] = i;
+    apart += alive && layered;
+    others += alive && !layered;
+  }
+  b.Drawn = apart > 0 && depth < this->MaximumBounces && (b.AnyLight || b.Guides || b.Distance);
+  if (b.Drawn)
+    for (SamplePair pair : { PairLightPick, PairLightPoint, PairBsdf, PairLobe })
+      this->DrawBounce(b, depth, pair);
+  if (others > 0)
+  {
+    // vectors overwrite the state of every row
+    std::uint32_t* state = reinterpret_cast<std::uint32_t*>(&w.Live);
+    for (int row = 0; apart > 0 && row < Wavefront::AllRows; ++row)
+      for (int k = 0; k < apart; ++k)
+        b.Kept[row][k] = state[row * Wavefront::Stride + b.Apart[k]];
+    for (int k = 0; k < apart; ++k)
+      w.Alive[b.Apart[k]] = 0;
+    this->OpaqueVertices(b, depth);
+    for (int row = 0; apart > 0 && row < Wavefront::AllRows; ++row)
+      for (int k = 0; k < apart; ++k)
+        state[row * Wavefront::Stride + b.Apart[k]] = b.Kept[row][k];
+    for (int k = 0; k < apart; ++k)
+      w.Alive[b.Apart[k]] = ~0u;
+  }
+  b.Drawn = false;
+  if (apart > 0)
+  {
+    for (int i = 0; i < w.Count; ++i)
+      w.Lit[i] = 0;
+    for (int k = 0; k < apart; ++k)
+      if (!this->Scatter(b, b.Apart[k], depth))
+        w.Alive[b.Apart[k]] = 0;
+    b.Counters->Rays += WavefrontAccess::Occlude(*this->Scene, b.Context, w, b.RayKeys(2 * std::uint32_t(depth) + 1),
+      this->MaximumBounces - depth - 1, b.Counters->Record);
+    for (int k = 0; k < apart; ++k)
+      if (const int i = b.Apart[k]; w.Lit[i])
+        b.Add(w.Live.Path[i], int(w.LightFlags[i]), { w.Cr[i], w.Cg[i], w.Cb[i] }, { w.Br[i], w.Bg[i], w.Bb[i] });
+  }
+}
+
+template <Integrator::Variant variant>
 void Integrator::Run(Batch& b) const noexcept
 {
   const EmbreeScene& scene = *this->Scene;
   Wavefront& w = b.W;
   TraceCounters& counters = *b.Counters;
-  const bool keyed = Features::SeeThrough && scene.Has.SeeThrough;
-  const auto keys = [&](std::uint32_t which)
-  {
-    for (int i = 0; i < w.Count; ++i)
-      b.Keys[i] = b.Random(w.Live.Path[i]).RayKey(which);
-    return b.Keys;
-  };
   for (int depth = 0; w.Count > 0; ++depth)
   {
-    WavefrontAccess::Intersect(scene, b.Context, w, keyed ? keys(2 * std::uint32_t(depth)) : nullptr, counters.Record);
+    const bool more = depth < this->MaximumBounces && (b.AnyLight || b.Distance);
+    WavefrontAccess::Intersect(scene, b.Context, w, b.RayKeys(2 * std::uint32_t(depth)), counters.Record);
     counters.Rays += w.Count;
-    WavefrontAccess::Fetch(scene, w);
-    if (depth < this->MaximumBounces && (Features::Diffuse || Features::Layers))
-      WavefrontAccess::Prefetch(scene, w);
+    WavefrontAccess::Fetch(scene, w, b.Guides || more);
     lanes::Locate(w);
     WavefrontAccess::Straighten(scene, w);
     if (depth == 0 && b.PrimaryHit)
       this->Primary(b);
+    if (b.SkyImage && b.AnyLight)
+      WavefrontAccess::FindSky(scene, w);
     for (int i = 0; i < w.Count; ++i)
       if (!w.Alive[i])
         this->Sky(b, i);
-    if (Features::Diffuse)
-    {
+    if constexpr (variant == Variant::Diffuse)
       this->DiffuseVertices(b, depth);
-      continue;
-    }
-    if (!Features::Layers)
+    else
     {
-      this->OpaqueVertices(b, depth);
-      continue;
+      if constexpr (variant == Variant::Opaque)
+        this->OpaqueVertices(b, depth);
+      else
+        this->GeneralVertices(b, depth);
+      lanes::Close(w, Wavefront::AllRows);
     }
-    if (depth < this->MaximumBounces && (b.AnyLight || b.Guides || b.Distance))
-      for (SamplePair pair : { PairLightPick, PairLightPoint, PairBsdf, PairLobe })
-        this->DrawBounce(b, depth, pair);
-    for (int i = 0; i < w.Count; ++i)
-    {
-      w.Lit[i] = 0;
-      if (w.Alive[i] && !this->Scatter<Features>(b, i, depth))
-        w.Alive[i] = 0;
-    }
-    counters.Rays += WavefrontAccess::Occlude(
-      scene, b.Context, w, keyed ? keys(2 * std::uint32_t(depth) + 1) : nullptr, counters.Record);
-    for (int i = 0; i < w.Count; ++i)
-      if (w.Lit[i])
-        b.Add(w.Live.Path[i], int(w.LightFlags[i]), { w.Cr[i], w.Cg[i], w.Cb[i] }, { w.Br[i], w.Bg[i], w.Bb[i] });
-    lanes::Close(w, Wavefront::AllRows);
   }
 }
 }

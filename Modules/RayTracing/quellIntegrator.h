@@ -27,6 +27,10 @@ struct TraceCounters
 /// Russian roulette by throughput. MaximumBounces n counts scatterings of all kinds: 0 is emission only, 1 direct
 /// light, 2 one indirect bounce. A contribution belongs to the layer of its number of non-delta scatterings: none
 /// emission, one direct, more indirect.
+///
+/// Light samples pass thin smooth walls of glass (Surface::IsPane) straight and lose what those hold back; each counts
+/// as a scattering, so that the path that samples the glass itself, which is combined with them, is of the same number.
+/// More than EmbreeScene::PanesMet::Most in a row block them.
 class VTKQUELLRAYTRACING_EXPORT Integrator
 {
 public:
@@ -66,7 +70,8 @@ public:
     Auto,    ///< the leanest that the scene allows
     Diffuse, ///< every surface is Lambert's and opaque: everything in vectors
     Opaque,  ///< no glass, no clearcoat, nothing see-through
-    General
+    General, ///< glass and clearcoats one by one, everything else in vectors
+    OneByOne ///< what the others are compared with: every vertex by itself
   };
   Variant Force = Variant::Auto; ///< for tests and measurements; must be allowed
 
@@ -84,18 +89,18 @@ public:
 
 private:
   struct Batch;
-  template <class Features>
+  template <Variant>
   void Run(Batch& batch) const noexcept;
   void Primary(Batch& batch) const noexcept;
   void DrawRandom(Batch& batch, std::uint32_t pair, int slot) const noexcept;
   void DrawBounce(Batch& batch, int depth, SamplePair pair) const noexcept;
   void Sky(Batch& batch, int row) const noexcept;
   void Emit(Batch& batch, int row, const SurfaceHit& hit, const Vec3f& emission, const Vec3f& unlit) const noexcept;
-  template <class Features>
   bool Scatter(Batch& batch, int row, int depth) const noexcept;
   void DrawLights(Batch& batch) const noexcept;
   void DiffuseVertices(Batch& batch, int depth) const noexcept;
   void OpaqueVertices(Batch& batch, int depth) const noexcept;
+  void GeneralVertices(Batch& batch, int depth) const noexcept;
 };
 }
 

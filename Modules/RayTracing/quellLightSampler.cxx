@@ -3,16 +3,12 @@
 
 #include "quellSampler.h"
 #include "quellSinCos.h"
+#include "quellSkyMap.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <new>
-
-#if defined(__linux__)
-#include <sys/mman.h>
-#endif
 
 namespace quell
 {
@@ -53,7 +49,7 @@ constexpr double WeakSky = 0.01;        ///< part of all power below which an en
 constexpr double LeastSky = 0.1;        ///< of which this much remains
 constexpr double UniformSky = 1. / 32;  ///< of the picks of an environment image
 constexpr std::size_t ManyLights = 256; ///< from here on 24 bits are too few
-constexpr double BelowOne = 0x1.fffffffffffffp-1;
+using skymap::BelowOne;
 
 /// A number below one step of `pick` (2^-24) made of the other two. Random numbers with 24 bits cannot tell more
 /// than 2^24 chances apart: with a million lights each would have a few of the steps, or none.
@@ -64,50 +60,6 @@ double Fraction(float a, float b) noexcept
   std::memcpy(&y, &b, sizeof y);
   const std::uint64_t h = sampling::Mix64((std::uint64_t(x) << 32 | y) + 0x9e3779b97f4a7c15ull);
   return double(h >> 11) * 0x1p-77;
-}
-
-/// The same for two numbers at once, each extended by 32 bits. `pick` adds what the pair may lack.
-void Extend(float pick, float u, float v, double& s, double& t) noexcept
-{
-  std::uint32_t p, x, y;
-  std::memcpy(&p, &pick, sizeof p);
-  std::memcpy(&x, &u, sizeof x);
-  std::memcpy(&y, &v, sizeof y);
-  const std::uint64_t h = sampling::Mix64((std::uint64_t(x) << 32 | y) + (p + 1) * 0x9e3779b97f4a7c15ull);
-  s = double(u) + double(std::uint32_t(h >> 32)) * 0x1p-56;
-  t = double(v) + double(std::uint32_t(h)) * 0x1p-56;
-  s = s < BelowOne ? s : BelowOne;
-  t = t < BelowOne ? t : BelowOne;
-}
-
-/// `minus` is 0 or all ones: t, or k - t. Signs of directions are what no processor can foresee: no branch.
-inline float OrMinus(std::uint32_t minus, float k, float t) noexcept
-{
-  std::uint32_t a, b;
-  std::memcpy(&a, &k, sizeof a);
-  std::memcpy(&b, &t, sizeof b);
-  a &= minus;
-  b ^= minus & 0x80000000u;
-  std::memcpy(&k, &a, sizeof k);
-  std::memcpy(&t, &b, sizeof t);
-  return k + t;
-}
-
-/// atan2(y, x) in turns, [-1/2, 1/2]. Error below 3e-8, of which 6e-9 are the polynomial's (minimax on [0, 1]). Finite
-/// or infinite y, finite x.
-inline float Turns(float y, float x) noexcept
-{
-  const float a = std::fabs(x), b = std::fabs(y);
-  const float high = std::max(std::max(a, b), std::numeric_limits<float>::min()), low = std::min(a, b);
-  const float q = low / high, z = q * q, z2 = z * z;
-  const float p0 = 9.9999933561e-1f - 3.3329860846e-1f * z, p1 = 1.9946566051e-1f - 1.3908630674e-1f * z;
-  const float p2 = 9.6421987631e-2f - 5.5912332895e-2f * z, p3 = 2.1862955450e-2f - 4.0545651829e-3f * z;
-  float t = ((p0 + p1 * z2) + (p2 + p3 * z2) * (z2 * z2)) * q * (1 / (2 * Pi));
-  t = OrMinus(0u - std::uint32_t(b > a), 0.25f, t);
-  std::uint32_t sign;
-  std::memcpy(&sign, &x, sizeof sign);
-  t = OrMinus(0u - (sign >> 31), 0.5f, t);
-  return std::copysign(t, y);
 }
 
 /// Guide tables: calls put(k, last entry whose lower end is not above k / parts) for k = 0 ... parts - 1, then
@@ -285,34 +237,6 @@ void LightSampler::Build(std::vector<LightTriangle> triangles, const std::vector
   }
 }
 
-namespace
-{
-constexpr std::size_t LargePage = std::size_t(1) << 21;
-std::size_t TableAlignment(std::size_t bytes) noexcept
-{
-  return bytes < LargePage ? 64 : LargePage;
-}
-}
-
-void* LightSampler::AllocateTable(std::size_t count, std::size_t size)
-{
-  if (count > (std::numeric_limits<std::size_t>::max() - LargePage) / size)
-    throw std::bad_alloc();
-  const std::size_t bytes = count * size, alignment = TableAlignment(bytes);
-  const std::size_t whole = (bytes + alignment - 1) / alignment * alignment;
-  void* table = ::operator new(whole, std::align_val_t(alignment));
-#if defined(__linux__)
-  if (alignment == LargePage)
-    (void)madvise(table, whole, MADV_HUGEPAGE); // may fail: slower, nothing else
-#endif
-  return table;
-}
-
-void LightSampler::FreeTable(void* table, std::size_t bytes) noexcept
-{
-  ::operator delete(table, std::align_val_t(TableAlignment(bytes)));
-}
-
 /// Returns the integral of the luminance over all directions.
 double LightSampler::BuildSky(const Scene& scene)
 {
@@ -464,34 +388,10 @@ double LightSampler::BuildSky(const Scene& scene)
   return lit ? integral : 0;
 }
 
-/// The first of the four texels around `d`, which is finite, and where between them.
-std::size_t LightSampler::SkyPlace(const Vec3f& d, float& tx, float& ty) const noexcept
+/// Radiance, and density among the picks of the environment, at a place in its image (skymap::Place).
+Vec3f LightSampler::SkyLookup(std::size_t place, float tx, float ty, float& density) const noexcept
 {
-  // No arc cosine: near the poles the height alone has no digits left.
-  const float u = 0.5f + Turns(d.x, -d.z), v = 2 * Turns(std::sqrt(d.x * d.x + d.z * d.z), d.y);
-  // places in the bordered image, half a texel back
-  const float px = u * float(this->ImageWidth) + 0.5f, py = v * float(this->ImageHeight) + 0.5f;
-  const int x = std::min(int(px), this->ImageWidth), y = std::min(int(py), this->ImageHeight);
-  tx = px - float(x);
-  ty = py - float(y);
-  return std::size_t(y) * (std::size_t(this->ImageWidth) + 2) + std::size_t(x);
-}
-
-void LightSampler::PrefetchSky(const Vec3f& d) const noexcept
-{
-  if (this->ImageWidth == 0 || !this->SkyPresent || !IsFinite(d))
-    return;
-  float tx, ty;
-  const SkyTexel* a = &this->Image[this->SkyPlace(d, tx, ty)];
-  __builtin_prefetch(a);
-  __builtin_prefetch(a + this->ImageWidth + 2);
-}
-
-/// Radiance, and density among the picks of the environment, where it is an image and `d` finite.
-Vec3f LightSampler::SkyLookup(const Vec3f& d, float& density) const noexcept
-{
-  float tx, ty;
-  const SkyTexel* a = &this->Image[this->SkyPlace(d, tx, ty)];
+  const SkyTexel* a = &this->Image[place];
   const SkyTexel* b = a + this->ImageWidth + 2;
   density = (ty < 0.5f ? a : b)[tx < 0.5f ? 0 : 1].Density; // the nearest of the four
   const float wa = (1 - tx) * (1 - ty), wb = tx * (1 - ty), wc = (1 - tx) * ty, wd = tx * ty;
@@ -513,7 +413,9 @@ Vec3f LightSampler::SkyAndPdf(const Vec3f& d, float& pdf) const noexcept
   }
   if (!IsFinite(d))
     return {};
-  const Vec3f radiance = this->SkyLookup(d, pdf);
+  float tx, ty;
+  const std::size_t place = skymap::Place(d.x, d.y, d.z, this->ImageWidth, this->ImageHeight, tx, ty);
+  const Vec3f radiance = this->SkyLookup(place, tx, ty, pdf);
   pdf *= this->SkyPick;
   return radiance;
 }
@@ -654,11 +556,36 @@ std::size_t LightSampler::PickRow(double v) const noexcept
   return FindGuided(rows[0], rows[1], [this, v](std::uint32_t i) { return this->Rows[i].Lower <= v; });
 }
 
-void LightSampler::PrefetchDraw(float pick, float u, float v) const noexcept
+/// The texel that two numbers pick, and where in it: cosine of the distance from the pole, longitude in turns.
+void LightSampler::PickPlace(std::size_t y, double s, double t, double& cosTheta, float& turn) const noexcept
 {
-  if (pick < this->DistantEnd || this->Rows.empty() || !(u >= 0 && u < 1 && v >= 0 && v < 1))
-    return;
-  __builtin_prefetch(this->PartOf(this->PickRow(double(v)), std::uint32_t(double(u) * double(ColumnSteps))));
+  const SkyRow& row = this->Rows[y];
+  t = (t - row.Lower) / (this->Rows[y + 1].Lower - row.Lower);
+  const std::size_t w = std::size_t(this->ImageWidth);
+  s *= double(ColumnSteps);
+  const std::uint32_t step = std::uint32_t(s);
+  const ColumnPart& part = *this->PartOf(y, step);
+  std::size_t x = part.First;
+  const std::uint32_t* ends = part.Ends;
+  if (step < part.Ends[6])
+  {
+    unsigned i = 0;
+    for (int k = 1; k < 6; ++k)
+      i += unsigned(part.Ends[k] <= step);
+    ends += i;
+    x += i;
+  }
+  else
+  {
+    const std::uint32_t* columns = &this->Columns[y * (w + 1)];
+    x = FindGuided(
+      std::uint32_t(x) + 6, (&part)[1].First, [columns, step](std::uint32_t i) { return columns[i] <= step; });
+    ends = columns + x;
+  }
+  s = (s - double(ends[0])) / double(ends[1] - ends[0]);
+  // uniform in solid angle within the texel
+  cosTheta = row.Top - row.Band * t;
+  turn = float((double(x) + s) / double(w));
 }
 
 bool LightSampler::DrawSky(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept
@@ -675,47 +602,14 @@ bool LightSampler::DrawSky(const Receiver& at, float pick, float u, float v, Sam
   }
   else
   {
-    double s, t;
-    Extend(pick, u, v, s, t);
-    const std::size_t y = this->PickRow(t);
-    const SkyRow& row = this->Rows[y];
-    t = (t - row.Lower) / (this->Rows[y + 1].Lower - row.Lower);
-
-    const std::size_t w = std::size_t(this->ImageWidth);
-    s *= double(ColumnSteps);
-    const std::uint32_t step = std::uint32_t(s);
-    const ColumnPart& part = *this->PartOf(y, step);
-    std::size_t x = part.First;
-    const std::uint32_t* ends = part.Ends;
-    if (step < part.Ends[6])
-    {
-      unsigned i = 0;
-      for (int k = 1; k < 6; ++k)
-        i += unsigned(part.Ends[k] <= step);
-      ends += i;
-      x += i;
-    }
-    else
-    {
-      const std::uint32_t* columns = &this->Columns[y * (w + 1)];
-      x = FindGuided(
-        std::uint32_t(x) + 6, (&part)[1].First, [columns, step](std::uint32_t i) { return columns[i] <= step; });
-      ends = columns + x;
-    }
-    const SkyTexel* texel = &this->Image[(y + 1) * (w + 2) + x + 1];
-    __builtin_prefetch(texel);
-    __builtin_prefetch(t < 0.5 ? texel - (w + 2) : texel + (w + 2));
-    s = (s - double(ends[0])) / double(ends[1] - ends[0]);
-
-    // uniform in solid angle within the texel
-    const double cosTheta = row.Top - row.Band * t;
-    const float sinTheta = float(std::sqrt(std::max(0., (1 - cosTheta) * (1 + cosTheta))));
-    float sine, cosine;
-    SinCosTurn(float((double(x) + s) / double(w)), sine, cosine);
-    out.Wi = { -sinTheta * sine, float(cosTheta), sinTheta * cosine };
+    double s, t, cosTheta;
+    float turn;
+    skymap::Extend(pick, u, v, s, t);
+    this->PickPlace(this->PickRow(t), s, t, cosTheta, turn);
+    skymap::Direction(cosTheta, turn, out.Wi.x, out.Wi.y, out.Wi.z);
   }
   // Light from behind is of no use; the margin is for other ways of rounding.
-  if (!at.BothSides && Dot(at.Normal, out.Wi) < -1e-4f)
+  if (!at.BothSides && Dot(at.Normal, out.Wi) < -BehindMargin)
     return false;
   out.Target = out.Wi;
   out.Emission = this->SkyAndPdf(out.Wi, out.Pdf);

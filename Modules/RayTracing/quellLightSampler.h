@@ -5,6 +5,7 @@
 #include "quellBsdf.h"
 #include "quellLightTree.h"
 #include "quellScene.h"
+#include "quellTable.h"
 #include "quellVector.h"
 #include "vtkQuellRayTracingModule.h"
 
@@ -58,9 +59,8 @@ enum class LightSelection
 ///    numbers stay stratified on the sphere. Directions below the horizon of a receiver are not returned.
 ///
 /// Groups share the picks evenly, except that an environment with less than a hundredth of all power gets less, down to
-/// a tenth of its part. Power knows no walls: with half of the picks shared by power, a lamp in a room under a sky had
-/// 2.7 times the variance, for 1.7 times less of it out of doors, where BSDF samples find the sky anyway. A sky that is
-/// nearly black next to lamps loses most of its half: 4 times less variance.
+/// a tenth of its part. Power knows no walls: shared by power, a lamp in a room would lose most of its picks to the sky
+/// outside, and out of doors BSDF samples find the sky anyway.
 ///
 /// All densities are pure functions of the light, the receiver and the point on the light: the same for light samples
 /// and for BSDF samples that happen to hit the light, bit for bit. Nothing here is NaN for any input; a receiver that
@@ -125,11 +125,6 @@ public:
   /// Sky(direction), and SkyPdf(direction) in `pdf`: the same bits for the price of one.
   Vec3f SkyAndPdf(const Vec3f& direction, float& pdf) const noexcept;
 
-  /// Hints, some ten draws or look-ups ahead of Draw with these numbers and of Sky, SkyPdf or SkyAndPdf: what they are
-  /// going to read comes into the cache meanwhile. Change nothing.
-  void PrefetchDraw(float pick, float u, float v) const noexcept;
-  void PrefetchSky(const Vec3f& direction) const noexcept;
-
   const std::vector<LightTriangle>& GetTriangles() const { return this->Triangles; }
   /// Those at a place first, then the directional ones.
   const std::vector<PlacedLight>& GetPunctual() const { return this->Punctual; }
@@ -145,12 +140,15 @@ public:
   bool DrawPunctual(const PlacedLight& light, const Vec3f& at, float pdf, Sample& out) const noexcept;
 
 private:
+  friend struct WavefrontAccess; // does DrawSky and SkyAndPdf step by step for many at once
+  /// Directions this far below a horizon still count: for other ways of rounding.
+  static constexpr float BehindMargin = 1e-4f;
   double BuildSky(const Scene& scene);
   bool DrawLocal(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept;
   bool DrawSky(const Receiver& at, float pick, float u, float v, Sample& out) const noexcept;
-  Vec3f SkyLookup(const Vec3f& direction, float& density) const noexcept;
-  std::size_t SkyPlace(const Vec3f& direction, float& tx, float& ty) const noexcept;
+  Vec3f SkyLookup(std::size_t place, float tx, float ty, float& density) const noexcept;
   std::size_t PickRow(double v) const noexcept;
+  void PickPlace(std::size_t row, double s, double t, double& cosTheta, float& turn) const noexcept;
 
   LightSelection Selection = LightSelection::Auto;
   std::vector<LightTriangle> Triangles;
@@ -164,27 +162,6 @@ private:
   bool SkyPresent = false;
   Vec3f SkyColor;
   int ImageWidth = 0, ImageHeight = 0; ///< 0: constant
-  /// Large tables go to large pages where the system has any: they are read all over, and looking up the page costs as
-  /// much as the read.
-  template <class T>
-  struct TableAllocator
-  {
-    using value_type = T;
-    TableAllocator() = default;
-    template <class U>
-    TableAllocator(const TableAllocator<U>&) noexcept
-    {
-    }
-    T* allocate(std::size_t n) { return static_cast<T*>(AllocateTable(n, sizeof(T))); }
-    void deallocate(T* p, std::size_t n) noexcept { FreeTable(p, n * sizeof(T)); }
-    bool operator==(const TableAllocator&) const noexcept { return true; }
-    bool operator!=(const TableAllocator&) const noexcept { return false; }
-  };
-  template <class T>
-  using Table = std::vector<T, TableAllocator<T>>;
-  static void* AllocateTable(std::size_t count, std::size_t size);
-  static void FreeTable(void* table, std::size_t bytes) noexcept;
-
   /// One read yields radiance and density, and neighbours share cache lines.
   struct alignas(16) SkyTexel
   {

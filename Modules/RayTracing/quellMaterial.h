@@ -60,6 +60,22 @@ struct MaterialValues
   float Thickness = 0; ///< of the volume, as a factor; 0: thin
 };
 
+/// Some point of `m` may transmit, or have a clearcoat: textures lower factors, and a metal's transmission is 0.
+inline bool MayTransmit(const Material& m) noexcept
+{
+  return m.Transmission > 0 && !m.Unlit && (!(m.Metallic >= 1) || m.MetallicRoughnessTexture.Texture >= 0);
+}
+/// Some point of `m`, whose factors make the surface `s`, may be a pane that light passes straight.
+inline bool MayBePane(const Material& m, const Surface& s) noexcept
+{
+  return MayTransmit(m) && (!m.Volume || m.ThicknessTexture.Texture >= 0) &&
+         (s.GlassIsDelta || m.MetallicRoughnessTexture.Texture >= 0);
+}
+inline bool MayBeLayered(const Material& m) noexcept
+{
+  return MayTransmit(m) || (m.Clearcoat > 0 && !m.Unlit);
+}
+
 /// The lobes of material `m` where textures give it the values `v`, after the formulas of glTF 2.0 (appendix B) and
 /// KHR_materials_ior, _specular, _transmission, _volume and _clearcoat:
 ///

@@ -175,30 +175,6 @@ void WavefrontAccess::Normals(
       ng, wo);
 }
 
-void WavefrontAccess::Prefetch(const EmbreeScene& scene, const Wavefront& w) noexcept
-{
-  if (!w.Varies || !scene.Has.Textures)
-    return;
-  for (int i = 0; i < w.Count; ++i)
-  {
-    if (!(w.Material[i] & Varies))
-      continue;
-    const EmbreeScene::Part& part = scene.Parts[w.Geometry[i]];
-    const Material& m = scene.Source->Materials[std::size_t(part.Material)];
-    if (part.Geometry->TexCoords[0].empty())
-      continue;
-    const Vec2f at = scene.TexCoord(part, w.Primitive[i], w.U[i], w.V[i], 0);
-    for (const TextureUse* use : { &m.BaseColorTexture, &m.MetallicRoughnessTexture, &m.NormalTexture })
-      if (use->Texture >= 0 && use->TexCoord == 0)
-      {
-        const Vec2f t = Placed(*use, at);
-        const Texture& texture = scene.Source->Textures[std::size_t(use->Texture)];
-        if (texture.IsUsable())
-          texture.Prefetch(texture.Place(t.x, t.y));
-      }
-  }
-}
-
 /// Textures at one point: coordinates are made once, and the place in the texture for all textures of one kind.
 class WavefrontAccess::TexCoords
 {
@@ -259,18 +235,43 @@ private:
 void WavefrontAccess::Values(const EmbreeScene& scene, Wavefront& w) noexcept
 {
   constexpr int ahead = 16; // rows between asking for texels and reading them
+  struct
+  {
+    TexelTable::Footprint Print;
+    Vec2f A, B, C; ///< texture coordinates of the corners
+  } tables[ahead];
   TexCoords places[ahead];
+  const EmbreeScene::Glance* glances = scene.Glances.data();
+  const bool varies = (w.Any & Varies) != 0;
   const auto announce = [&](int i)
   {
     if (!w.Alive[i] || !(w.Material[i] & Varies))
       return;
-    const Material& m = scene.Source->Materials[std::size_t(scene.Parts[w.Geometry[i]].Material)];
+    const EmbreeScene::Glance& part = glances[w.Geometry[i]];
+    if (part.Texels)
+    {
+      const std::uint32_t* v = &part.Corners[3 * std::size_t(w.Primitive[i])];
+      auto& at = tables[i % ahead];
+      at.A = part.Coordinates[v[0]];
+      at.B = part.Coordinates[v[1]];
+      at.C = part.Coordinates[v[2]];
+      const float s = w.U[i], t = w.V[i], r = 1 - s - t;
+      const Vec2f place = Placed(
+        *part.Use, { r * at.A.x + s * at.B.x + t * at.C.x, r * at.A.y + s * at.B.y + t * at.C.y }); // as TexCoord
+      at.Print = part.Texels->Place(place.x, place.y);
+      part.Texels->Prefetch(at.Print);
+    }
+    if (!part.Others)
+      return;
     TexCoords& at = places[i % ahead];
     at = TexCoords(scene, w.Geometry[i], w.Primitive[i], w.U[i], w.V[i]);
+    if (part.Texels)
+      return;
+    const Material& m = scene.Source->Materials[std::size_t(scene.Parts[w.Geometry[i]].Material)];
     for (const TextureUse* use : { &m.BaseColorTexture, &m.MetallicRoughnessTexture, &m.NormalTexture })
       at.Prefetch(*use);
   };
-  for (int i = 0; w.Varies && i < ahead && i < w.Count; ++i)
+  for (int i = 0; varies && i < ahead && i < w.Count; ++i)
     announce(i);
   Wavefront::OpaqueColumns& o = w.Opaque;
   SurfaceHit hit;
@@ -279,28 +280,44 @@ void WavefrontAccess::Values(const EmbreeScene& scene, Wavefront& w) noexcept
   {
     if (w.Alive[i])
     {
-      const EmbreeScene::Part& part = scene.Parts[w.Geometry[i]];
-      const Material& m = scene.Source->Materials[std::size_t(part.Material)];
-      w.Material[i] |= (m.Unlit ? Unlit : 0u) | (m.MultipleScattering ? 0u : Single);
-      Vec3f base = m.BaseColor, tint = m.SpecularColor;
-      float metallic = m.Metallic, roughness = m.Roughness, specular = m.Specular;
+      const EmbreeScene::Glance& part = glances[w.Geometry[i]];
+      Vec3f base = part.Base, tint = part.Tint;
+      float metallic = part.Metallic, roughness = part.Roughness, specular = part.Specular;
       Vec4f bump;
-      const bool bumps = part.Textured && m.NormalTexture.Texture >= 0;
-      if (!part.Plain)
+      bool bumps = part.Bump;
+      if (part.Texels)
       {
+        float texel[8];
+        part.Texels->Read(tables[i % ahead].Print, texel);
+        if (part.Color)
+          base *= Vec3f(texel[0], texel[1], texel[2]);
+        if (part.Metal)
+        {
+          roughness *= texel[3];
+          metallic *= texel[4];
+        }
+        bump = { texel[5], texel[6], texel[7], 1 };
+      }
+      if (part.Others)
+      {
+        const EmbreeScene::Part& whole = scene.Parts[w.Geometry[i]];
+        const Material& m = scene.Source->Materials[std::size_t(whole.Material)];
         TexCoords& at = places[i % ahead];
-        if (m.BaseColorTexture.Texture >= 0)
+        if (!part.Texels && m.BaseColorTexture.Texture >= 0)
           base *= at.Look(m.BaseColorTexture).xyz();
-        if (!part.Geometry->Colors.empty())
-          base *= scene.VertexColor(part, w.Primitive[i], w.U[i], w.V[i]).xyz();
-        if (m.MetallicRoughnessTexture.Texture >= 0)
+        if (!whole.Geometry->Colors.empty())
+          base *= scene.VertexColor(whole, w.Primitive[i], w.U[i], w.V[i]).xyz();
+        if (!part.Texels && m.MetallicRoughnessTexture.Texture >= 0)
         {
           const Vec4f t = at.Look(m.MetallicRoughnessTexture);
           roughness *= t.y;
           metallic *= t.z;
         }
-        if (bumps)
+        if (!part.Texels && whole.Textured && m.NormalTexture.Texture >= 0)
+        {
           bump = at.Look(m.NormalTexture);
+          bumps = true;
+        }
         if (m.SpecularTexture.Texture >= 0)
           specular *= at.Look(m.SpecularTexture).w;
         if (m.SpecularColorTexture.Texture >= 0)
@@ -315,21 +332,19 @@ void WavefrontAccess::Values(const EmbreeScene& scene, Wavefront& w) noexcept
       o.Tint[0][i] = tint.x;
       o.Tint[1][i] = tint.y;
       o.Tint[2][i] = tint.z;
-      o.Ior[i] = m.Ior;
-      if (bumps && part.Kind == EmbreeScene::Placement::Flat && !part.Normals && !part.Tangents)
+      o.Ior[i] = part.Ior;
+      if (part.Bends)
       {
-        const int set = m.NormalTexture.TexCoord;
-        const Vec2f a = scene.TexCoord(part, w.Primitive[i], 0, 0, set),
-                    b = scene.TexCoord(part, w.Primitive[i], 1, 0, set),
-                    c = scene.TexCoord(part, w.Primitive[i], 0, 1, set);
+        const Vec2f &a = tables[i % ahead].A, &b = tables[i % ahead].B, &c = tables[i % ahead].C;
         w.Material[i] |= Bumped;
-        o.Bump[0][i] = (2 * bump.x - 1) * m.NormalScale;
-        o.Bump[1][i] = (2 * bump.y - 1) * m.NormalScale;
+        o.Bump[0][i] = (2 * bump.x - 1) * part.NormalScale;
+        o.Bump[1][i] = (2 * bump.y - 1) * part.NormalScale;
         o.Bump[2][i] = 2 * bump.z - 1;
-        o.Slope[0][i] = b.x - a.x;
-        o.Slope[1][i] = b.y - a.y;
-        o.Slope[2][i] = c.x - a.x;
-        o.Slope[3][i] = c.y - a.y;
+        // sums with 0, as TexCoord makes them
+        o.Slope[0][i] = (b.x + 0.f) - (a.x + 0.f);
+        o.Slope[1][i] = (b.y + 0.f) - (a.y + 0.f);
+        o.Slope[2][i] = (c.x + 0.f) - (a.x + 0.f);
+        o.Slope[3][i] = (c.y + 0.f) - (a.y + 0.f);
         bends = true;
       }
       else if (w.Material[i] & Bent)
@@ -340,13 +355,14 @@ void WavefrontAccess::Values(const EmbreeScene& scene, Wavefront& w) noexcept
         w.Sx[i] = normals.Shading.x;
         w.Sy[i] = normals.Shading.y;
         w.Sz[i] = normals.Shading.z;
+        w.Material[i] &= ~Smooth;
       }
     }
-    if (w.Varies && i + ahead < w.Count)
+    if (varies && i + ahead < w.Count)
       announce(i + ahead);
   }
-  if (bends)
-    lanes::Bend(w);
+  if (bends || (w.Any & Smooth) != 0)
+    lanes::Bend(w, bends);
 }
 
 Surface WavefrontAccess::Resolve(

@@ -11,6 +11,8 @@
 
 namespace quell
 {
+class Camera;
+
 /// A ray as it went to Embree.
 struct RecordedRay
 {
@@ -23,7 +25,7 @@ struct RecordedRay
 /// Paths that are traced side by side, one scattering at a time: column by column, so that what is plain arithmetic
 /// runs in vectors. Every row is computed by itself, by the same operations as in scalar code (quellBsdf.h,
 /// quellLightSampler.cxx, quellSampler.h): no result depends on the rows that happen to share a wavefront, nor on the
-/// width of the vectors. About 150 KB, that live on the stack of the thread that renders.
+/// width of the vectors. Some 250 KB, that live on the stack of the thread that renders.
 struct Wavefront
 {
   static constexpr int Width = 256; ///< a multiple of every vector's length
@@ -67,10 +69,11 @@ struct Wavefront
   alignas(64) Column<float> Corner[9];                      ///< of the triangle: a, b, c
   alignas(64) Column<float> Px, Py, Pz, Gx, Gy, Gz, Offset; ///< point, unit geometric normal by winding
   alignas(64) Column<std::uint32_t> Front;
-  alignas(64) Column<float> Sx, Sy, Sz;                 ///< shading normal, on the side of the ray
-  alignas(64) Column<float> Ar, Ag, Ab;                 ///< diffuse albedo
-  alignas(64) Column<std::uint32_t> Material;           ///< bits, see WavefrontAccess
-  bool Bent = false, Elsewhere = false, Varies = false; ///< some row has that bit
+  alignas(64) Column<float> Sx, Sy, Sz;       ///< shading normal, on the side of the ray
+  alignas(64) Column<float> Ar, Ag, Ab;       ///< diffuse albedo
+  alignas(64) Column<float> Nx, Ny, Nz;       ///< interpolated normal, not unit, of Smooth rows
+  alignas(64) Column<std::uint32_t> Material; ///< bits, see WavefrontAccess
+  std::uint32_t Any = 0;                      ///< bits that some row has
   int Emitters = 0;
   alignas(64) Column<std::uint32_t> Emitter; ///< rows whose material emits or is unlit
 
@@ -81,11 +84,22 @@ struct Wavefront
   // Light samples, then shadow rays.
   alignas(64) Column<float> Wx, Wy, Wz, Lx, Ly, Lz; ///< direction; target
   alignas(64) Column<float> Er, Eg, Eb, LightPdf;
-  alignas(64) Column<std::uint32_t> LightFlags, LightIndex;
+  alignas(64) Column<std::uint32_t> LightFlags;
   alignas(64) Column<std::uint32_t> Lit;                 ///< a shadow ray to trace
   alignas(64) Column<float> Kx, Ky, Kz, Jx, Jy, Jz, Far; ///< its origin and direction
-  alignas(64) Column<float> Cr, Cg, Cb;                  ///< what it carries
-  alignas(64) Column<float> Br, Bg, Bb;                  ///< the part of it through the first diffuse lobe
+  alignas(64) Column<float> Cr, Cg, Cb; ///< throughput and what the surface scatters, then the light that arrives
+  alignas(64) Column<float> Br, Bg, Bb; ///< the part of it through the first diffuse lobe
+  alignas(64) Column<float> ScatterPdf; ///< of the light's direction
+
+  /// Of image skies.
+  struct alignas(64) SkyColumns
+  {
+    Column<double> S, T; ///< random numbers
+    Column<double> CosTheta;
+    Column<float> Turn;
+    Column<std::uint32_t> Texel; ///< the first of four
+    Column<float> X, Y;          ///< between them
+  } Sky;
 
   /// Of opaque surfaces: first what textures leave of the material, then what Surface (quellBsdf.h) calls the same; the
   /// albedo of its diffuse lobe is Ar, Ag, Ab.
@@ -103,6 +117,19 @@ struct Wavefront
   static constexpr std::uint32_t HasDiffuse = 1, HasSpecular = 2, SpecularIsDelta = 4;
 
   static constexpr std::uint32_t LightDrawn = 1, LightAtInfinity = 2, LightHittable = 4; ///< BSDF samples may meet it
+  static constexpr std::uint32_t LightFromSky =
+    8; ///< of an image: E and LightPdf are looked up for what is not blocked
+};
+
+/// The light triangles of a scene that has few.
+struct FewTriangles
+{
+  static constexpr int Most = 16;
+  /// V0, E1, E2, N (3 each), Offset, whether TwoSided, PdfArea, Emission (3).
+  static constexpr int Numbers = 18;
+  int Count = 0;
+  float From[Most] = {}; ///< least pick of each
+  float Of[Most][Numbers];
 };
 
 /// Loops over a wavefront's rows, in vectors of the best instruction set at hand. Rows up to the next multiple of 64
@@ -113,19 +140,27 @@ namespace lanes
 VTKQUELLRAYTRACING_EXPORT void DrawRandom(Wavefront& w, std::uint32_t pair, int slot) noexcept;
 /// P, G, Offset, Front from Corner, U, V; S becomes the geometric normal on the ray's side.
 VTKQUELLRAYTRACING_EXPORT void Locate(Wavefront& w) noexcept;
-/// Samples of light triangles, as LightSampler makes them, from PairLightPoint and what WavefrontAccess::PickTriangles
-/// left; LightFlags becomes 0 where there is none.
-VTKQUELLRAYTRACING_EXPORT void DrawTriangles(Wavefront& w) noexcept;
-/// Shadow rays and what they carry, at diffuse surfaces; `mis`: power heuristic against the cosine pdf.
-VTKQUELLRAYTRACING_EXPORT void LightDiffuse(Wavefront& w, bool mis) noexcept;
+/// Rays of a camera without a lens that keeps still, through points in pixels, into O and D.
+VTKQUELLRAYTRACING_EXPORT void CameraRays(
+  Wavefront& w, const double* px, const double* py, const Camera& camera) noexcept;
+/// Samples of light triangles, as LightSampler makes them from PairLightPick and PairLightPoint: W, L, E, LightPdf,
+/// LightFlags.
+VTKQUELLRAYTRACING_EXPORT void DrawTriangles(Wavefront& w, const FewTriangles& lights) noexcept;
+/// Shadow rays at diffuse surfaces, what is scattered there and with which pdf: C, ScatterPdf.
+VTKQUELLRAYTRACING_EXPORT void AimDiffuse(Wavefront& w) noexcept;
 /// The next directions of diffuse surfaces, with Russian roulette if `roulette`; ends paths in Alive.
 VTKQUELLRAYTRACING_EXPORT void ScatterDiffuse(Wavefront& w, bool roulette) noexcept;
-/// Bends S of the rows that are Bumped, as WavefrontAccess::Normals does.
-VTKQUELLRAYTRACING_EXPORT void Bend(Wavefront& w) noexcept;
+/// Bends S of the rows that are Smooth or Bumped, as WavefrontAccess::Normals does; `bumped`: some are.
+VTKQUELLRAYTRACING_EXPORT void Bend(Wavefront& w, bool bumped) noexcept;
+/// PixelSampler::RayKey(which) of every row.
+VTKQUELLRAYTRACING_EXPORT void RayKeys(const Wavefront& w, std::uint32_t which, std::uint32_t* keys) noexcept;
 /// The opaque surfaces of WavefrontAccess::Values, and the chances of their lobes for the rows' directions.
 VTKQUELLRAYTRACING_EXPORT void PrepareOpaque(Wavefront& w) noexcept;
-/// As LightDiffuse, of opaque surfaces; Br, Bg, Bb become the part through the first diffuse lobe.
-VTKQUELLRAYTRACING_EXPORT void LightOpaque(Wavefront& w, bool mis) noexcept;
+/// As AimDiffuse, of opaque surfaces; B becomes the part through the diffuse lobe.
+VTKQUELLRAYTRACING_EXPORT void AimOpaque(Wavefront& w) noexcept;
+/// C becomes the light that arrives, by E and LightPdf; `mis`: power heuristic against ScatterPdf. `parts`: B becomes
+/// the part of it through the first diffuse lobe.
+VTKQUELLRAYTRACING_EXPORT void Shine(Wavefront& w, bool mis, bool parts) noexcept;
 /// The next directions of opaque surfaces, with Russian roulette if `roulette`; ends paths in Alive, also those that
 /// have then scattered more than `deepest` times (mirrors do not count), and with `last` those that look for nothing
 /// but light.
@@ -141,26 +176,35 @@ struct VTKQUELLRAYTRACING_EXPORT WavefrontAccess
   /// see-through surfaces): one per row.
   static void Intersect(const EmbreeScene& scene, EmbreeScene::Context& context, Wavefront& w,
     const std::uint32_t* keys, std::vector<RecordedRay>* record) noexcept;
-  /// Corner of the rows that hit, and what of the material can be looked up by the part alone.
-  static void Fetch(const EmbreeScene& scene, Wavefront& w) noexcept;
+  /// Corner of the rows that hit, and what of the material can be looked up by the part alone. `normals`: N as well.
+  static void Fetch(const EmbreeScene& scene, Wavefront& w, bool normals) noexcept;
   /// What lanes::Locate makes of parts that are not baked into place, made again with their matrices.
   static void Straighten(const EmbreeScene& scene, Wavefront& w) noexcept;
   /// The hit of row `i` (P is left out unless `position`).
   static void Hit(const EmbreeScene& scene, const Wavefront& w, int i, bool position, SurfaceHit& hit) noexcept;
-  /// Shadow rays of the rows with Lit; Lit becomes 0 where they are blocked.
+  /// Shadow rays of the rows with Lit; Lit becomes 0 where they are blocked, and C and B less where they pass panes, of
+  /// which more than `panes` block as well.
   static std::int64_t Occlude(const EmbreeScene& scene, EmbreeScene::Context& context, Wavefront& w,
-    const std::uint32_t* keys, std::vector<RecordedRay>* record) noexcept;
-  /// All light there is comes from a few triangles: PickTriangles may stand for LightSampler::Draw's choice.
-  static bool CanPickTriangles(const EmbreeScene& scene) noexcept;
-  /// The triangle of each row by PairLightPick: Corner (V0, E1, E2), J (normal), Far (offset), Kx (two-sided),
-  /// LightPdf (per area), E, LightFlags.
-  static void PickTriangles(const EmbreeScene& scene, Wavefront& w) noexcept;
+    const std::uint32_t* keys, int panes, std::vector<RecordedRay>* record) noexcept;
+  /// False: not all light there is comes from a few triangles.
+  static bool FindTriangles(const EmbreeScene& scene, FewTriangles& lights) noexcept;
+  /// Light comes from an image of the sky, too.
+  static bool HasSkyImage(const EmbreeScene& scene) noexcept;
+  /// Picks from here on go to the sky.
+  static float SkyFrom(const EmbreeScene& scene) noexcept;
+  /// Light samples of the rows that are alive, `wanted`, and pick the image of the sky: W, LightFlags; E and LightPdf
+  /// are 1 until LightOfSky. LightFlags becomes 0 for the others.
+  static void DrawSky(const EmbreeScene& scene, Wavefront& w, const bool* wanted) noexcept;
+  /// E and LightPdf of the rows that are still Lit by the image of the sky.
+  static void LightOfSky(const EmbreeScene& scene, Wavefront& w) noexcept;
+  /// Where the rays that met nothing meet the image of the sky; then SkyAt is EmbreeScene::SkyAndPdf of such a row.
+  static void FindSky(const EmbreeScene& scene, Wavefront& w) noexcept;
+  static Vec3f SkyAt(const EmbreeScene& scene, const Wavefront& w, int i, float& pdf) noexcept;
   /// The bare loop that speed is measured against: number of rays that met something.
   static std::int64_t Replay(const EmbreeScene& scene, const std::vector<RecordedRay>& rays) noexcept;
 
-  /// Asks the memory for the texels that the rows' materials will read.
-  static void Prefetch(const EmbreeScene& scene, const Wavefront& w) noexcept;
-  /// Base to Ior, the bits Unlit, Single and Bumped, and the shading normals of the rows that are alive.
+  static void Prefetch(const LightSampler& sky, const Wavefront& w, const int* rows, int count) noexcept;
+  /// Base to Ior, the bit Bumped, and the shading normals of the rows that are alive.
   static void Values(const EmbreeScene& scene, Wavefront& w) noexcept;
   class TexCoords;
   // A hit's parts of EmbreeScene::Shade.
@@ -176,11 +220,17 @@ struct VTKQUELLRAYTRACING_EXPORT WavefrontAccess
   static bool OnlyOpaque(const EmbreeScene& scene) noexcept;
 
   // What Fetch says about a row in Wavefront::Material.
-  static constexpr std::uint32_t Varies = 1, Bent = 4, Mirrored = 8, Elsewhere = 16;
-  // What Values says there: without light of its own accord; without several scatterings between microfacets.
-  static constexpr std::uint32_t Unlit = 32, Single = 64;
-  // A normal map whose tangents come from the triangle: Bump and Slope say how to bend S.
-  static constexpr std::uint32_t Bumped = 128;
+  static constexpr std::uint32_t Varies = 1;     ///< textures or vertex colours
+  static constexpr std::uint32_t Bent = 4;       ///< a normal map, or not baked into place
+  static constexpr std::uint32_t Mirrored = 8;   ///< inside out by its winding
+  static constexpr std::uint32_t Elsewhere = 16; ///< not baked into place
+  static constexpr std::uint32_t Unlit = 32;     ///< without light of its own accord
+  static constexpr std::uint32_t Single = 64;    ///< without several scatterings between microfacets
+  static constexpr std::uint32_t Smooth = 128;   ///< N is there to be S
+  static constexpr std::uint32_t Layered = 256;  ///< may be glass or have a clearcoat
+  static constexpr std::uint32_t Emits = 512;    ///< may emit or be unlit
+  // What Values says there: a normal map whose tangents come from the triangle; Bump and Slope say how to bend S.
+  static constexpr std::uint32_t Bumped = 1024;
 };
 }
 

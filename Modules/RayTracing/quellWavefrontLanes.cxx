@@ -3,7 +3,7 @@
 // set; sums and products stand in the order of the scalar code that they mirror.
 #include "quellWavefront.h"
 
-#include "quellSinCos.h"
+#include "quellCamera.h"
 
 #include <cmath>
 #include <limits>
@@ -115,48 +115,10 @@ void LocateImpl(Wavefront& w)
   }
 }
 
-/// LightSampler::DrawLocal on triangles whose data lie in Corner (V0, E1, E2), S... (see DrawTriangles).
-void DrawTrianglesImpl(Wavefront& w)
-{
-  const unsigned n = Rows(w);
-  for (unsigned i = 0; i < n; ++i)
-  {
-    const float u = w.Random[2 * PairLightPoint][i], v = w.Random[2 * PairLightPoint + 1][i];
-    const float half0 = u / 2, half1 = v / 2;
-    const float b0 = u < v ? half0 : u - half1, b1 = u < v ? v - half0 : half1;
-    const float yx = w.Corner[0][i] + w.Corner[3][i] * b0 + w.Corner[6][i] * b1;
-    const float yy = w.Corner[1][i] + w.Corner[4][i] * b0 + w.Corner[7][i] * b1;
-    const float yz = w.Corner[2][i] + w.Corner[5][i] * b0 + w.Corner[8][i] * b1;
-    const float dx = yx - w.Px[i], dy = yy - w.Py[i], dz = yz - w.Pz[i];
-    const float d2 = Dot3(dx, dy, dz, dx, dy, dz);
-    const float inverse = 1 / std::sqrt(d2);
-    const float wx = dx * inverse, wy = dy * inverse, wz = dz * inverse;
-    // Jx... hold the light's normal, Far its offset, Kx whether both sides shine
-    float cosine = -Dot3(w.Jx[i], w.Jy[i], w.Jz[i], wx, wy, wz);
-    const bool behind = cosine < 0;
-    const float side = behind ? -1.f : 1.f;
-    const float offset = side * w.Far[i];
-    cosine = behind ? -cosine : cosine;
-    const float pdf = w.LightPdf[i] * d2 / cosine;
-    const std::uint32_t good = std::uint32_t(d2 > 0) & std::uint32_t(d2 < std::numeric_limits<float>::infinity()) &
-                               (std::uint32_t(!behind) | std::uint32_t(w.Kx[i] > 0)) & std::uint32_t(cosine > 1e-6f) &
-                               std::uint32_t(pdf > 0) & std::uint32_t(pdf < std::numeric_limits<float>::infinity());
-    w.Wx[i] = wx;
-    w.Wy[i] = wy;
-    w.Wz[i] = wz;
-    w.Lx[i] = yx + w.Jx[i] * offset;
-    w.Ly[i] = yy + w.Jy[i] * offset;
-    w.Lz[i] = yz + w.Jz[i] * offset;
-    w.LightPdf[i] = pdf;
-    w.LightFlags[i] &= 0u - good;
-  }
-}
-
-void LightDiffuseImpl(Wavefront& w, bool mis)
+void AimDiffuseImpl(Wavefront& w)
 {
   const unsigned n = Rows(w);
   const Wavefront::State& live = w.Live;
-  const std::uint32_t weighed = mis ? Wavefront::LightHittable : 0u;
   for (unsigned i = 0; i < n; ++i)
   {
     const float wx = w.Wx[i], wy = w.Wy[i], wz = w.Wz[i];
@@ -171,102 +133,72 @@ void LightDiffuseImpl(Wavefront& w, bool mis)
                               (std::uint32_t(w.Er[i] > 0) | std::uint32_t(w.Eg[i] > 0) | std::uint32_t(w.Eb[i] > 0));
     const float ox = w.Px[i] + w.Gx[i] * w.Offset[i], oy = w.Py[i] + w.Gy[i] * w.Offset[i],
                 oz = w.Pz[i] + w.Gz[i] * w.Offset[i];
+    const float jx = w.Lx[i] - ox, jy = w.Ly[i] - oy, jz = w.Lz[i] - oz;
+    const bool infinite = (flags & Wavefront::LightAtInfinity) != 0;
     w.Kx[i] = ox;
     w.Ky[i] = oy;
     w.Kz[i] = oz;
-    w.Jx[i] = w.Lx[i] - ox;
-    w.Jy[i] = w.Ly[i] - oy;
-    w.Jz[i] = w.Lz[i] - oz;
-    const float pdf = w.LightPdf[i], r = (ci / Pi) / pdf;
-    const float one = 1 / pdf;
-    // both weights: a choice here would be a branch to the compiler
-    w.Cr[i] = vr * w.Er[i];
-    w.Cg[i] = vg * w.Eg[i];
-    w.Cb[i] = vb * w.Eb[i];
-    w.Br[i] = one;
-    w.Bg[i] = one * (1 / (1 + r * r));
-    w.Lit[i] = flags & (0u - lit); // 0 where no sample was drawn
-  }
-  for (unsigned i = 0; i < n; ++i)
-  {
-    const std::uint32_t flags = w.LightFlags[i];
-    const bool infinite = (flags & Wavefront::LightAtInfinity) != 0;
-    const float one = w.Br[i], power = w.Bg[i], jx = w.Jx[i], jy = w.Jy[i], jz = w.Jz[i], wx = w.Wx[i], wy = w.Wy[i],
-                wz = w.Wz[i];
-    const float weight = (flags & weighed) != 0 ? power : one;
-    w.Cr[i] *= weight;
-    w.Cg[i] *= weight;
-    w.Cb[i] *= weight;
     w.Jx[i] = infinite ? wx : jx;
     w.Jy[i] = infinite ? wy : jy;
     w.Jz[i] = infinite ? wz : jz;
     w.Far[i] = infinite ? std::numeric_limits<float>::infinity() : 0.9999f;
+    w.Cr[i] = vr;
+    w.Cg[i] = vg;
+    w.Cb[i] = vb;
+    w.ScatterPdf[i] = ci / Pi;
+    w.Lit[i] = flags & (0u - lit); // 0 where no sample was drawn
   }
 }
 
-void ScatterDiffuseImpl(Wavefront& w, bool roulette)
+void CameraRaysImpl(Wavefront& w, const double* px, const double* py, const Camera& camera)
 {
+  constexpr double most = std::numeric_limits<double>::max();
   const unsigned n = Rows(w);
   Wavefront::State& live = w.Live;
-  const float least = roulette ? 1.f : -1.f; // throughput below which paths may end
+  const Vec3d right = camera.Right, up = camera.Up, forward = camera.Forward, from = camera.Position;
+  const double width = camera.Width, height = camera.Height, halfX = camera.HalfX, halfY = camera.HalfY;
   for (unsigned i = 0; i < n; ++i)
   {
-    const float a = 2 * w.Random[2 * PairBsdf][i] - 1, b = 2 * w.Random[2 * PairBsdf + 1][i] - 1;
-    const bool wide = std::fabs(a) > std::fabs(b);
-    const float radius = wide ? a : b, other = wide ? b : a;
-    const float ratio = radius == 0 ? 0.f : other / radius;
-    float s, c;
-    SinCosEighth(Pi / 4 * ratio, s, c);
-    const float x = radius * (wide ? c : s), y = radius * (wide ? s : c);
-    const float z = std::sqrt(Larger(1 - x * x - y * y, 0.f));
-    const float nx = w.Sx[i], ny = w.Sy[i], nz = w.Sz[i];
-    const float sign = std::copysign(1.f, nz), f = -1 / (sign + nz), g = nx * ny * f;
-    const float wx = (1 + sign * nx * nx * f) * x + g * y + nx * z;
-    const float wy = (sign * g) * x + (sign + ny * ny * f) * y + ny * z;
-    const float wz = (-sign * nx) * x + (-ny) * y + nz * z;
-    const float co = Dot3(nx, ny, nz, -live.Dx[i], -live.Dy[i], -live.Dz[i]);
-    const float gi = Dot3(w.Gx[i], w.Gy[i], w.Gz[i], wx, wy, wz);
-    const float pdf = z / Pi;
-    float tr = live.Tr[i] * w.Ar[i], tg = live.Tg[i] * w.Ag[i], tb = live.Tb[i] * w.Ab[i];
-    const float q = Largest(tr, tg, tb);
-    const float p = Smaller(Larger(q, 0.05f), 0.99f);
-    const bool gamble = q < least;
-    const float scale = gamble ? 1 / p : 1.f;
-    const std::uint32_t goes = std::uint32_t(z > 0) & std::uint32_t(gi > 0) & std::uint32_t(co > 0) &
-                               std::uint32_t(pdf > 0) & std::uint32_t(q > 0) &
-                               (std::uint32_t(!gamble) | std::uint32_t(w.Random[2 * PairLightPick + 1][i] < p));
-    w.Alive[i] &= 0u - goes;
-    live.Tr[i] = tr * scale;
-    live.Tg[i] = tg * scale;
-    live.Tb[i] = tb * scale;
-    live.Pdf[i] = pdf;
-    live.Dx[i] = wx;
-    live.Dy[i] = wy;
-    live.Dz[i] = wz;
-  }
-  for (unsigned i = 0; i < n; ++i)
-  {
-    live.Fx[i] = w.Px[i];
-    live.Fy[i] = w.Py[i];
-    live.Fz[i] = w.Pz[i];
-    live.Nx[i] = w.Sx[i];
-    live.Ny[i] = w.Sy[i];
-    live.Nz[i] = w.Sz[i];
-    live.Ox[i] = w.Px[i] + w.Gx[i] * w.Offset[i];
-    live.Oy[i] = w.Py[i] + w.Gy[i] * w.Offset[i];
-    live.Oz[i] = w.Pz[i] + w.Gz[i] * w.Offset[i];
-    live.Flags[i] = (live.Flags[i] + 1) & ~(Wavefront::DeltaBit | Wavefront::BothSidesBit | Wavefront::GuidesBit);
+    const double x = (2 * px[i] / width - 1) * halfX, y = (2 * py[i] / height - 1) * halfY;
+    const double dx = forward.x + right.x * x + up.x * y, dy = forward.y + right.y * x + up.y * y,
+                 dz = forward.z + right.z * x + up.z * y;
+    const double l = std::sqrt(dx * dx + dy * dy + dz * dz);
+    const bool good = (l > 0) & (l <= most);
+    const double ux = dx / l, uy = dy / l, uz = dz / l;
+    live.Dx[i] = float(good ? ux : 0.);
+    live.Dy[i] = float(good ? uy : 0.);
+    live.Dz[i] = float(good ? uz : 0.);
+    live.Ox[i] = float(from.x);
+    live.Oy[i] = float(from.y);
+    live.Oz[i] = float(from.z);
   }
 }
 
-void BendImpl(Wavefront& w)
+/// The interpolated normal on the side of the ray, into Kx, Ky, Kz (not in use yet).
+HWY_INLINE void Smoothen(Wavefront& w, unsigned n)
 {
-  const unsigned n = Rows(w);
+  constexpr float most = std::numeric_limits<float>::max();
+  for (unsigned i = 0; i < n; ++i)
+  {
+    const float x = w.Nx[i], y = w.Ny[i], z = w.Nz[i], l = std::sqrt(Dot3(x, y, z, x, y, z));
+    const std::uint32_t good =
+      std::uint32_t((w.Material[i] & WavefrontAccess::Smooth) != 0) & std::uint32_t(l > 0) & std::uint32_t(l <= most);
+    const float ux = x / l, uy = y / l, uz = z / l;
+    const bool behind = Dot3(ux, uy, uz, w.Gx[i], w.Gy[i], w.Gz[i]) < 0;
+    const float nx = behind ? -ux : ux, ny = behind ? -uy : uy, nz = behind ? -uz : uz;
+    w.Kx[i] = good ? nx : w.Gx[i];
+    w.Ky[i] = good ? ny : w.Gy[i];
+    w.Kz[i] = good ? nz : w.Gz[i];
+  }
+}
+
+/// Normal maps around Kx, Ky, Kz.
+HWY_INLINE void Bump(Wavefront& w, unsigned n)
+{
   constexpr double most = std::numeric_limits<double>::max();
-  constexpr float least = 0.01f, mostFloat = std::numeric_limits<float>::max();
-  const Wavefront::State& live = w.Live;
+  constexpr float mostFloat = std::numeric_limits<float>::max();
   const Wavefront::OpaqueColumns& o = w.Opaque;
-  Wavefront::Column<float>&x = w.Kx, &y = w.Ky, &z = w.Kz; // not in use yet
+  Wavefront::Column<float>&x = w.Kx, &y = w.Ky, &z = w.Kz;
   for (unsigned i = 0; i < n; ++i)
   {
     const double ax = double(w.Corner[0][i]), ay = double(w.Corner[1][i]), az = double(w.Corner[2][i]);
@@ -278,7 +210,7 @@ void BendImpl(Wavefront& w)
     const bool flat = !(std::fabs(det) > 0 && std::fabs(det) <= most);
     const bool right = (det < 0) != ((w.Material[i] & WavefrontAccess::Mirrored) != 0);
     const double handed = right ? 1. : -1.;
-    const double sx = double(w.Sx[i]), sy = double(w.Sy[i]), sz = double(w.Sz[i]);
+    const double sx = double(x[i]), sy = double(y[i]), sz = double(z[i]);
     const double px = (bx * dv2 - cx * dv1) * inverse, py = (by * dv2 - cy * dv1) * inverse,
                  pz = (bz * dv2 - cz * dv1) * inverse;
     const double along = px * sx + py * sy + pz * sz;
@@ -295,14 +227,25 @@ void BendImpl(Wavefront& w)
                  fz = tz * double(lx) + uz * double(ly) + sz * double(lz);
     const double m = std::sqrt(fx * fx + fy * fy + fz * fz);
     const float gx = float(fx / m), gy = float(fy / m), gz = float(fz / m);
-    const std::uint32_t good = std::uint32_t(!flat) & std::uint32_t(l > 0) & std::uint32_t(l <= most) &
-                               std::uint32_t(m > 0) & std::uint32_t(m <= most) &
-                               std::uint32_t(std::fabs(lx) <= mostFloat) & std::uint32_t(std::fabs(ly) <= mostFloat) &
-                               std::uint32_t(std::fabs(lz) <= mostFloat);
-    x[i] = good ? gx : w.Sx[i];
-    y[i] = good ? gy : w.Sy[i];
-    z[i] = good ? gz : w.Sz[i];
+    const std::uint32_t good = std::uint32_t((w.Material[i] & WavefrontAccess::Bumped) != 0) & std::uint32_t(!flat) &
+                               std::uint32_t(l > 0) & std::uint32_t(l <= most) & std::uint32_t(m > 0) &
+                               std::uint32_t(m <= most) & std::uint32_t(std::fabs(lx) <= mostFloat) &
+                               std::uint32_t(std::fabs(ly) <= mostFloat) & std::uint32_t(std::fabs(lz) <= mostFloat);
+    x[i] = good ? gx : x[i];
+    y[i] = good ? gy : y[i];
+    z[i] = good ? gz : z[i];
   }
+}
+
+void BendImpl(Wavefront& w, bool bumped)
+{
+  const unsigned n = Rows(w);
+  Smoothen(w, n);
+  if (bumped)
+    Bump(w, n);
+  constexpr float least = 0.01f, mostFloat = std::numeric_limits<float>::max();
+  const Wavefront::State& live = w.Live;
+  const Wavefront::Column<float>&x = w.Kx, &y = w.Ky, &z = w.Kz;
   // Adapted (quellShading.cxx)
   for (unsigned i = 0; i < n; ++i)
   {
@@ -317,7 +260,8 @@ void BendImpl(Wavefront& w)
     ax = fine ? ax / la : 0.f;
     ay = fine ? ay / la : 0.f;
     az = fine ? az / la : 0.f;
-    const bool gone = low & !(Dot3(ax, ay, az, gx, gy, gz) > 0);
+    const bool same = (nx == gx) & (ny == gy) & (nz == gz);
+    const bool gone = low & !same & !(Dot3(ax, ay, az, gx, gy, gz) > 0);
     const float bx = low ? ax : nx, by = low ? ay : ny, bz = low ? az : nz;
     const float twice = 2 * Dot3(bx, by, bz, ox, oy, oz);
     const float mx = bx * twice - ox, my = by * twice - oy, mz = bz * twice - oz;
@@ -334,14 +278,24 @@ void BendImpl(Wavefront& w)
     const float le = std::sqrt(Dot3(cx, cy, cz, cx, cy, cz));
     const bool raised = (le > 0) & (le <= mostFloat);
     const float ex = raised ? cx / le : gx, ey = raised ? cy / le : gy, ez = raised ? cz / le : gz;
-    const bool same = (nx == gx) & (ny == gy) & (nz == gz);
     const float rx = lift ? ex : bx, ry = lift ? ey : by, rz = lift ? ez : bz;
-    const bool plain = same | gone;
-    const bool bumped = (w.Material[i] & WavefrontAccess::Bumped) != 0;
-    const float vx = plain ? gx : rx, vy = plain ? gy : ry, vz = plain ? gz : rz;
-    w.Sx[i] = bumped ? vx : w.Sx[i];
-    w.Sy[i] = bumped ? vy : w.Sy[i];
-    w.Sz[i] = bumped ? vz : w.Sz[i];
+    const bool bent = (w.Material[i] & (WavefrontAccess::Smooth | WavefrontAccess::Bumped)) != 0;
+    const float vx = gone ? gx : same ? nx : rx, vy = gone ? gy : same ? ny : ry, vz = gone ? gz : same ? nz : rz;
+    w.Sx[i] = bent ? vx : w.Sx[i];
+    w.Sy[i] = bent ? vy : w.Sy[i];
+    w.Sz[i] = bent ? vz : w.Sz[i];
+  }
+}
+
+void RayKeysImpl(const Wavefront& w, std::uint32_t which, std::uint32_t* keys)
+{
+  const unsigned n = Rows(w);
+  const std::uint64_t ray = 0xd1b54a32d192ed03ull * (which + 1);
+  const Wavefront::State& live = w.Live;
+  for (unsigned i = 0; i < n; ++i)
+  {
+    const std::uint64_t key = std::uint64_t(live.KeyHi[i]) << 32 | live.KeyLo[i];
+    keys[i] = std::uint32_t(sampling::Mix64(sampling::Mix64(key + ray) ^ live.Reversed[i]) >> 32);
   }
 }
 
@@ -379,10 +333,10 @@ namespace quell
 {
 HWY_EXPORT(DrawRandomImpl);
 HWY_EXPORT(LocateImpl);
-HWY_EXPORT(DrawTrianglesImpl);
-HWY_EXPORT(LightDiffuseImpl);
-HWY_EXPORT(ScatterDiffuseImpl);
+HWY_EXPORT(CameraRaysImpl);
+HWY_EXPORT(AimDiffuseImpl);
 HWY_EXPORT(BendImpl);
+HWY_EXPORT(RayKeysImpl);
 HWY_EXPORT(CloseImpl);
 
 namespace lanes
@@ -395,21 +349,21 @@ void Locate(Wavefront& w) noexcept
 {
   HWY_DYNAMIC_DISPATCH(LocateImpl)(w);
 }
-void DrawTriangles(Wavefront& w) noexcept
+void CameraRays(Wavefront& w, const double* px, const double* py, const Camera& camera) noexcept
 {
-  HWY_DYNAMIC_DISPATCH(DrawTrianglesImpl)(w);
+  HWY_DYNAMIC_DISPATCH(CameraRaysImpl)(w, px, py, camera);
 }
-void LightDiffuse(Wavefront& w, bool mis) noexcept
+void AimDiffuse(Wavefront& w) noexcept
 {
-  HWY_DYNAMIC_DISPATCH(LightDiffuseImpl)(w, mis);
+  HWY_DYNAMIC_DISPATCH(AimDiffuseImpl)(w);
 }
-void ScatterDiffuse(Wavefront& w, bool roulette) noexcept
+void Bend(Wavefront& w, bool bumped) noexcept
 {
-  HWY_DYNAMIC_DISPATCH(ScatterDiffuseImpl)(w, roulette);
+  HWY_DYNAMIC_DISPATCH(BendImpl)(w, bumped);
 }
-void Bend(Wavefront& w) noexcept
+void RayKeys(const Wavefront& w, std::uint32_t which, std::uint32_t* keys) noexcept
 {
-  HWY_DYNAMIC_DISPATCH(BendImpl)(w);
+  HWY_DYNAMIC_DISPATCH(RayKeysImpl)(w, which, keys);
 }
 void Close(Wavefront& w, int rows) noexcept
 {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Opaque surfaces of whole wavefronts: what MakeSurface (quellMaterial.cxx), Surface::Finish (quellBsdf.cxx) and
-// Surface::Prepare, Evaluate and Sample (quellBsdf.h) do for one surface without glass and clearcoat, operation by
-// operation, so that the bits are theirs. Choices are made by selection after both sides have been computed.
+// Surface::Prepare, Evaluate and Sample (quellBsdf.h) do for one surface without glass and clearcoat, and LightSampler
+// for one of few triangles, operation by operation, so that the bits are theirs. Choices are made by selection after
+// both sides have been computed.
 #include "quellWavefront.h"
 
 #include "quellSinCos.h"
@@ -372,12 +373,12 @@ HWY_INLINE void Evaluate(const Wavefront& w, const EnergyTables& tables, unsigne
   pdf = Choose(seen, pdf + density * Load(o.OutPdf + i), pdf);
 }
 
-void LightOpaqueImpl(Wavefront& w, const EnergyTables& tables, bool mis)
+void AimOpaqueImpl(Wavefront& w, const EnergyTables& tables)
 {
   const Floats d;
   const unsigned n = (unsigned(w.Count) + 15u) & ~15u;
   const Wavefront::State& live = w.Live;
-  const V one = Set(1), infinity = Set(std::numeric_limits<float>::infinity());
+  const V infinity = Set(std::numeric_limits<float>::infinity());
   for (unsigned i = 0; i < n; i += unsigned(hn::Lanes(d)))
   {
     const W flags = LoadWords(w.LightFlags + i);
@@ -397,24 +398,140 @@ void LightOpaqueImpl(Wavefront& w, const EnergyTables& tables, bool mis)
     const V3 origin = Load(w.Px + i, w.Py + i, w.Pz + i) + geometric * offset;
     const M infinite = HasBits(flags, Wavefront::LightAtInfinity);
     const V3 along = Choose(infinite, wi, Load(w.Lx + i, w.Ly + i, w.Lz + i) - origin);
-    const V pdf = Load(w.LightPdf + i), ratio = scatterPdf / pdf;
-    V weight = one / pdf;
-    if (mis)
-    {
-      const V power =
-        hn::IfThenElseZero(Positive(pdf), Choose(hn::Eq(pdf, infinity), one, one / (one + ratio * ratio)));
-      weight = Choose(HasBits(flags, Wavefront::LightHittable), weight * power, weight);
-    }
-    const V3 lit = value * emission * weight;
-    const M first = hn::Not(HasBits(LoadWords(live.Flags + i), Wavefront::SmoothMask));
-    const V3 part =
-      Choose(first, throughput * diffuse * emission * weight, lit * Load(live.Sr + i, live.Sg + i, live.Sb + i));
     Store(origin, w.Kx + i, w.Ky + i, w.Kz + i);
     Store(along, w.Jx + i, w.Jy + i, w.Jz + i);
     Store(Choose(infinite, infinity, Set(0.9999f)), w.Far + i);
-    Store(lit, w.Cr + i, w.Cg + i, w.Cb + i);
-    Store(part, w.Br + i, w.Bg + i, w.Bb + i);
+    Store(value, w.Cr + i, w.Cg + i, w.Cb + i);
+    Store(throughput * diffuse, w.Br + i, w.Bg + i, w.Bb + i);
+    Store(scatterPdf, w.ScatterPdf + i);
     StoreWords(hn::And(flags, Bits(good, ~0u)), w.Lit + i);
+  }
+}
+
+void ShineImpl(Wavefront& w, bool mis, bool parts)
+{
+  const Floats d;
+  const unsigned n = (unsigned(w.Count) + 15u) & ~15u;
+  const Wavefront::State& live = w.Live;
+  const V one = Set(1);
+  for (unsigned i = 0; i < n; i += unsigned(hn::Lanes(d)))
+  {
+    const V3 emission = Load(w.Er + i, w.Eg + i, w.Eb + i);
+    const V pdf = Load(w.LightPdf + i), ratio = Load(w.ScatterPdf + i) / pdf;
+    V weight = one / pdf;
+    if (mis)
+      weight = Choose(
+        HasBits(LoadWords(w.LightFlags + i), Wavefront::LightHittable), weight * (one / (one + ratio * ratio)), weight);
+    const V3 lit = Load(w.Cr + i, w.Cg + i, w.Cb + i) * emission * weight;
+    Store(lit, w.Cr + i, w.Cg + i, w.Cb + i);
+    if (!parts)
+      continue;
+    const M first = hn::Not(HasBits(LoadWords(live.Flags + i), Wavefront::SmoothMask));
+    Store(Choose(first, Load(w.Br + i, w.Bg + i, w.Bb + i) * emission * weight,
+            lit * Load(live.Sr + i, live.Sg + i, live.Sb + i)),
+      w.Br + i, w.Bg + i, w.Bb + i);
+  }
+}
+
+/// The frame around a normal, and directions about it.
+struct Around
+{
+  V3 Tangent, Bitangent, Normal;
+  HWY_INLINE V3 World(const V3& q) const { return Tangent * q.x + Bitangent * q.y + Normal * q.z; }
+};
+HWY_INLINE Around FrameOf(const V3& n)
+{
+  const V one = Set(1), sign = hn::CopySign(one, n.z), a = Set(-1) / (sign + n.z), c = n.x * n.y * a;
+  return { { one + sign * n.x * n.x * a, sign * c, hn::Neg(sign) * n.x }, { c, sign + n.y * n.y * a, hn::Neg(n.y) },
+    n };
+}
+HWY_INLINE V3 CosineHemisphere(V u, V v)
+{
+  const V zero = hn::Zero(Floats()), one = Set(1), p = Set(2) * u - one, q = Set(2) * v - one;
+  const M wide = hn::Gt(hn::Abs(p), hn::Abs(q));
+  const V radius = Choose(wide, p, q), other = Choose(wide, q, p);
+  V sine, cosine;
+  SinCosEighth(Set(Pi / 4) * hn::IfThenZeroElse(hn::Eq(radius, zero), other / radius), sine, cosine);
+  const V x = radius * Choose(wide, cosine, sine), y = radius * Choose(wide, sine, cosine);
+  return { x, y, hn::Sqrt(Larger(zero, one - x * x - y * y)) };
+}
+/// Russian roulette: whether paths go on, and their throughput then.
+HWY_INLINE M Gamble(const Wavefront& w, unsigned i, V chance, V3& throughput)
+{
+  const V one = Set(1), kept = Smaller(Set(0.99f), Larger(Set(0.05f), chance));
+  const M gamble = hn::Lt(chance, one);
+  throughput = Choose(gamble, throughput * (one / kept), throughput);
+  return hn::Not(hn::And(gamble, hn::Ge(Load(w.Random[2 * PairLightPick + 1] + i), kept)));
+}
+
+void ScatterDiffuseImpl(Wavefront& w, bool roulette)
+{
+  const unsigned n = (unsigned(w.Count) + 15u) & ~15u;
+  Wavefront::State& live = w.Live;
+  const W kept = hn::Set(Words(), ~(Wavefront::DeltaBit | Wavefront::BothSidesBit | Wavefront::GuidesBit));
+  for (unsigned i = 0; i < n; i += unsigned(hn::Lanes(Floats())))
+  {
+    const V3 normal = Load(w.Sx + i, w.Sy + i, w.Sz + i), geometric = Load(w.Gx + i, w.Gy + i, w.Gz + i);
+    const V3 wo{ hn::Neg(Load(live.Dx + i)), hn::Neg(Load(live.Dy + i)), hn::Neg(Load(live.Dz + i)) };
+    const V3 up = CosineHemisphere(Load(w.Random[2 * PairBsdf] + i), Load(w.Random[2 * PairBsdf + 1] + i));
+    const V3 wi = FrameOf(normal).World(up);
+    const V pdf = up.z / Set(Pi);
+    V3 throughput = Load(live.Tr + i, live.Tg + i, live.Tb + i) * Load(w.Ar + i, w.Ag + i, w.Ab + i);
+    const V largest = Largest(throughput);
+    M goes = hn::And(hn::And(Positive(up.z), Positive(Dot(geometric, wi))), Positive(Dot(normal, wo)));
+    goes = hn::And(goes, hn::And(Positive(pdf), Positive(largest)));
+    if (roulette)
+      goes = hn::And(goes, Gamble(w, i, largest, throughput));
+    const V3 at = Load(w.Px + i, w.Py + i, w.Pz + i);
+    Store(at, live.Fx + i, live.Fy + i, live.Fz + i);
+    Store(normal, live.Nx + i, live.Ny + i, live.Nz + i);
+    Store(at + geometric * Load(w.Offset + i), live.Ox + i, live.Oy + i, live.Oz + i);
+    Store(wi, live.Dx + i, live.Dy + i, live.Dz + i);
+    Store(throughput, live.Tr + i, live.Tg + i, live.Tb + i);
+    Store(pdf, live.Pdf + i);
+    StoreWords(hn::And(LoadWords(live.Flags + i) + hn::Set(Words(), 1), kept), live.Flags + i);
+    StoreWords(hn::And(LoadWords(w.Alive + i), Bits(goes, ~0u)), w.Alive + i);
+  }
+}
+
+/// LightSampler::DrawLocal.
+void DrawTrianglesImpl(Wavefront& w, const FewTriangles& lights)
+{
+  const unsigned n = (unsigned(w.Count) + 15u) & ~15u;
+  const V zero = hn::Zero(Floats()), one = Set(1), two = Set(2);
+  for (unsigned i = 0; i < n; i += unsigned(hn::Lanes(Floats())))
+  {
+    const V pick = Load(w.Random[2 * PairLightPick] + i);
+    V t[FewTriangles::Numbers];
+    for (int c = 0; c < FewTriangles::Numbers; ++c)
+      t[c] = Set(lights.Of[0][c]);
+    for (int k = 1; k < lights.Count; ++k)
+    {
+      const M later = hn::Ge(pick, Set(lights.From[k]));
+      for (int c = 0; c < FewTriangles::Numbers; ++c)
+        t[c] = Choose(later, Set(lights.Of[k][c]), t[c]);
+    }
+    const V3 v0{ t[0], t[1], t[2] }, e1{ t[3], t[4], t[5] }, e2{ t[6], t[7], t[8] }, normal{ t[9], t[10], t[11] };
+    const V u = Load(w.Random[2 * PairLightPoint] + i), v = Load(w.Random[2 * PairLightPoint + 1] + i);
+    const V half0 = u / two, half1 = v / two;
+    const M low = hn::Lt(u, v);
+    const V b0 = Choose(low, half0, u - half1), b1 = Choose(low, v - half0, half1);
+    const V3 y = v0 + e1 * b0 + e2 * b1, way = y - Load(w.Px + i, w.Py + i, w.Pz + i);
+    const V d2 = Dot(way, way);
+    const V3 wi = way * (one / hn::Sqrt(d2));
+    const V facing = hn::Neg(Dot(normal, wi));
+    const M behind = hn::Lt(facing, zero);
+    const V offset = Choose(behind, Set(-1), one) * t[12], cosine = Choose(behind, hn::Neg(facing), facing);
+    const V pdf = t[14] * d2 / cosine, infinity = Set(std::numeric_limits<float>::infinity());
+    M good = hn::And(Positive(d2), hn::Lt(d2, infinity));
+    good = hn::And(good, hn::And(hn::Or(hn::Not(behind), Positive(t[13])), hn::Gt(cosine, Set(1e-6f))));
+    good = hn::And(good, hn::And(Positive(pdf), hn::Lt(pdf, infinity)));
+    Store(wi, w.Wx + i, w.Wy + i, w.Wz + i);
+    Store(y + normal * offset, w.Lx + i, w.Ly + i, w.Lz + i);
+    Store({ t[15], t[16], t[17] }, w.Er + i, w.Eg + i, w.Eb + i);
+    Store(pdf, w.LightPdf + i);
+    StoreWords(
+      hn::And(LoadWords(w.Alive + i), Bits(good, Wavefront::LightDrawn | Wavefront::LightHittable)), w.LightFlags + i);
   }
 }
 
@@ -434,24 +551,12 @@ void ScatterOpaqueImpl(Wavefront& w, const EnergyTables& tables, int deepest, bo
     const V pSpecular = Load(w.Opaque.PSpecular + i);
     const M mirror = hn::AndNot(hn::Or(byCosine, s.Rough), Positive(pSpecular));
 
-    // Frame
-    const V sign = hn::CopySign(one, normal.z), a = Set(-1) / (sign + normal.z), c = normal.x * normal.y * a;
-    const V3 tangent{ one + sign * normal.x * normal.x * a, sign * c, hn::Neg(sign) * normal.x };
-    const V3 bitangent{ c, sign + normal.y * normal.y * a, hn::Neg(normal.y) };
-    const auto world = [&](const V3& q) { return tangent * q.x + bitangent * q.y + normal * q.z; };
-
-    // CosineHemisphere
-    const V p = Set(2) * u - one, q = Set(2) * v - one;
-    const M wide = hn::Gt(hn::Abs(p), hn::Abs(q));
-    const V radius = Choose(wide, p, q), other = Choose(wide, q, p);
-    V sine, cosine;
-    SinCosEighth(Set(Pi / 4) * hn::IfThenZeroElse(hn::Eq(radius, zero), other / radius), sine, cosine);
-    const V dx = radius * Choose(wide, cosine, sine), dy = radius * Choose(wide, sine, cosine);
-    const V3 up{ dx, dy, hn::Sqrt(Larger(zero, one - dx * dx - dy * dy)) };
-    const V3 wiCosine = world(up);
+    const Around frame = FrameOf(normal);
+    const V3 up = CosineHemisphere(u, v);
+    const V3 wiCosine = frame.World(up);
 
     // SampleVisibleNormal
-    const V3 local{ Dot(tangent, wo), Dot(bitangent, wo), Dot(normal, wo) };
+    const V3 local{ Dot(frame.Tangent, wo), Dot(frame.Bitangent, wo), Dot(normal, wo) };
     const V across = hn::Sqrt(local.x * local.x + local.y * local.y);
     const M tilted = Positive(across);
     const V turn = hn::IfThenElseZero(tilted, one / across), cx = local.x * turn,
@@ -467,7 +572,7 @@ void ScatterOpaqueImpl(Wavefront& w, const EnergyTables& tables, int deepest, bo
     const V unit = one / hn::Sqrt(mx * mx + my * my + mz * mz);
     const V3 m{ (mx * cx - my * cy) * unit, (mx * cy + my * cx) * unit, mz * unit };
     const V out = Dot(local, m);
-    const V3 wiGgx = Normalized(world(m * (Set(2) * out) - local));
+    const V3 wiGgx = Normalized(frame.World(m * (Set(2) * out) - local));
 
     const V3 wiMirror = Normalized(normal * (Set(2) * s.Co) - wo);
     const V3 wi = Choose(byCosine, wiCosine, Choose(s.Rough, wiGgx, wiMirror));
@@ -509,17 +614,13 @@ void ScatterOpaqueImpl(Wavefront& w, const EnergyTables& tables, int deepest, bo
     if (last)
       goes = hn::And(goes, HasBits(flags, Wavefront::GuidesBit | Wavefront::DistanceBit));
     if (roulette)
-    {
-      const V chance = Largest(throughput) * Load(live.EtaScale + i);
-      const V kept = Smaller(Set(0.99f), Larger(Set(0.05f), chance));
-      const M gamble = hn::Lt(chance, one);
-      goes = hn::AndNot(hn::And(gamble, hn::Ge(Load(w.Random[2 * PairLightPick + 1] + i), kept)), goes);
-      throughput = Choose(gamble, throughput * (one / kept), throughput);
-    }
+      goes = hn::And(goes, Gamble(w, i, Largest(throughput) * Load(live.EtaScale + i), throughput));
     const V3 at = Load(w.Px + i, w.Py + i, w.Pz + i);
     Store(Choose(mirror, Load(live.Fx + i, live.Fy + i, live.Fz + i), at), live.Fx + i, live.Fy + i, live.Fz + i);
     Store(Choose(mirror, Load(live.Nx + i, live.Ny + i, live.Nz + i), normal), live.Nx + i, live.Ny + i, live.Nz + i);
-    Store(at + geometric * Load(w.Offset + i), live.Ox + i, live.Oy + i, live.Oz + i);
+    const V offset = Load(w.Offset + i);
+    Store(at + geometric * offset, live.Ox + i, live.Oy + i, live.Oz + i);
+    Store(offset / Larger(hn::Abs(Dot(geometric, wi)), Set(1.f / 64)), live.Skipped + i);
     Store(wi, live.Dx + i, live.Dy + i, live.Dz + i);
     Store(throughput, live.Tr + i, live.Tg + i, live.Tb + i);
     Store(pdf, live.Pdf + i);
@@ -535,8 +636,11 @@ HWY_AFTER_NAMESPACE();
 namespace quell
 {
 HWY_EXPORT(PrepareOpaqueImpl);
-HWY_EXPORT(LightOpaqueImpl);
+HWY_EXPORT(AimOpaqueImpl);
+HWY_EXPORT(ShineImpl);
 HWY_EXPORT(ScatterOpaqueImpl);
+HWY_EXPORT(ScatterDiffuseImpl);
+HWY_EXPORT(DrawTrianglesImpl);
 
 namespace lanes
 {
@@ -544,9 +648,21 @@ void PrepareOpaque(Wavefront& w) noexcept
 {
   HWY_DYNAMIC_DISPATCH(PrepareOpaqueImpl)(w, EnergyTables::Get());
 }
-void LightOpaque(Wavefront& w, bool mis) noexcept
+void AimOpaque(Wavefront& w) noexcept
 {
-  HWY_DYNAMIC_DISPATCH(LightOpaqueImpl)(w, EnergyTables::Get(), mis);
+  HWY_DYNAMIC_DISPATCH(AimOpaqueImpl)(w, EnergyTables::Get());
+}
+void ScatterDiffuse(Wavefront& w, bool roulette) noexcept
+{
+  HWY_DYNAMIC_DISPATCH(ScatterDiffuseImpl)(w, roulette);
+}
+void DrawTriangles(Wavefront& w, const FewTriangles& lights) noexcept
+{
+  HWY_DYNAMIC_DISPATCH(DrawTrianglesImpl)(w, lights);
+}
+void Shine(Wavefront& w, bool mis, bool parts) noexcept
+{
+  HWY_DYNAMIC_DISPATCH(ShineImpl)(w, mis, parts);
 }
 void ScatterOpaque(Wavefront& w, int deepest, bool roulette, bool last) noexcept
 {

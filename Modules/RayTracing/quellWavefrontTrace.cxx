@@ -3,8 +3,9 @@
 // break ties between coplanar triangles differently).
 #include "quellWavefront.h"
 
-#include "quellBsdf.h"
+#include "quellMaterial.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -28,6 +29,17 @@ void SetRay(RTCRay& r, float ox, float oy, float oz, float dx, float dy, float d
   r.flags = 0;
 }
 constexpr float Infinity = std::numeric_limits<float>::infinity();
+
+/// What Embree says of the hit of row `i`.
+void Copy(const Wavefront& w, int i, SurfaceHit& hit) noexcept
+{
+  hit.Geometry = w.Geometry[i];
+  hit.Primitive = w.Primitive[i];
+  hit.U = w.U[i];
+  hit.V = w.V[i];
+  hit.T = w.T[i];
+  hit.Time = w.Live.Time[i];
+}
 }
 
 void WavefrontAccess::Intersect(const EmbreeScene& scene, EmbreeScene::Context& context, Wavefront& w,
@@ -54,32 +66,31 @@ void WavefrontAccess::Intersect(const EmbreeScene& scene, EmbreeScene::Context& 
     w.V[i] = r.hit.v;
     w.T[i] = r.ray.tfar;
     if (found)
-      __builtin_prefetch(&scene.Parts[part].Corners[3 * std::size_t(r.hit.primID)]);
+      __builtin_prefetch(&scene.Glances[part].Corners[3 * std::size_t(r.hit.primID)]);
     if (record)
       record->push_back(
         { { s.Ox[i], s.Oy[i], s.Oz[i] }, { s.Dx[i], s.Dy[i], s.Dz[i] }, Infinity, 0, keys ? keys[i] : 0 });
   }
 }
 
-void WavefrontAccess::Fetch(const EmbreeScene& scene, Wavefront& w) noexcept
+void WavefrontAccess::Fetch(const EmbreeScene& scene, Wavefront& w, bool normals) noexcept
 {
   constexpr int ahead = 6;
+  const EmbreeScene::Glance* glances = scene.Glances.data();
   const auto vertices = [&](int i)
   {
-    const EmbreeScene::Part& part = scene.Parts[w.Geometry[i]];
+    const EmbreeScene::Glance& part = glances[w.Geometry[i]];
     const std::uint32_t* v = &part.Corners[3 * std::size_t(w.Primitive[i])];
     for (int k = 0; k < 3; ++k)
       __builtin_prefetch(&part.Points[3 * std::size_t(v[k])]);
-    if (part.Normals)
+    if (part.Normals && normals)
       for (int k = 0; k < 3; ++k)
         __builtin_prefetch(&part.Normals[v[k]]);
-    if (!part.Geometry->TexCoords[0].empty())
+    if (part.TexCoords && (part.Flags & Varies) != 0)
       for (int k = 0; k < 3; ++k)
-        __builtin_prefetch(part.Geometry->TexCoords[0].data() + v[k]);
+        __builtin_prefetch(&part.TexCoords[v[k]]);
   };
-  w.Bent = false;
-  w.Elsewhere = false;
-  w.Varies = false;
+  std::uint32_t any = 0;
   w.Emitters = 0;
   for (int i = 0; i < ahead && i < w.Count; ++i)
     if (w.Alive[i])
@@ -88,15 +99,15 @@ void WavefrontAccess::Fetch(const EmbreeScene& scene, Wavefront& w) noexcept
   {
     if (i + ahead < w.Count && w.Alive[i + ahead])
       vertices(i + ahead);
-    w.Material[i] = 0;
-    w.Ar[i] = w.Ag[i] = w.Ab[i] = 0;
     if (!w.Alive[i])
     {
+      w.Material[i] = 0;
+      w.Ar[i] = w.Ag[i] = w.Ab[i] = 0;
       for (int k = 0; k < 9; ++k)
         w.Corner[k][i] = 0;
       continue;
     }
-    const EmbreeScene::Part& part = scene.Parts[w.Geometry[i]];
+    const EmbreeScene::Glance& part = glances[w.Geometry[i]];
     const std::uint32_t* v = &part.Corners[3 * std::size_t(w.Primitive[i])];
     for (int k = 0; k < 3; ++k)
     {
@@ -105,53 +116,39 @@ void WavefrontAccess::Fetch(const EmbreeScene& scene, Wavefront& w) noexcept
       w.Corner[3 * k + 1][i] = p[1];
       w.Corner[3 * k + 2][i] = p[2];
     }
-    const Material& m = scene.Source->Materials[std::size_t(part.Material)];
-    std::uint32_t flags = 0;
-    if (part.Mirrored)
-      flags |= Mirrored;
-    if (part.Normals || m.NormalTexture.Texture >= 0)
+    if (part.Normals && normals)
     {
-      flags |= Bent;
-      w.Bent = true;
+      // as EmbreeScene::NormalAt
+      const Vec3f *a = part.Normals + v[0], *b = part.Normals + v[1], *c = part.Normals + v[2];
+      const float s = w.U[i], t = w.V[i], r = 1 - s - t;
+      const float x = a->x * r + b->x * s + c->x * t, y = a->y * r + b->y * s + c->y * t,
+                  z = a->z * r + b->z * s + c->z * t;
+      const float(&m)[3][3] = part.ToNormal;
+      w.Nx[i] = m[0][0] * x + m[0][1] * y + m[0][2] * z;
+      w.Ny[i] = m[1][0] * x + m[1][1] * y + m[1][2] * z;
+      w.Nz[i] = m[2][0] * x + m[2][1] * y + m[2][2] * z;
     }
-    if (part.Kind != EmbreeScene::Placement::Flat)
-    {
-      flags |= Elsewhere | Bent;
-      w.Elsewhere = w.Bent = true;
-    }
-    if (!part.LightIndex.empty() || m.Unlit || MaxComponent(scene.Emissions[std::size_t(part.Material)]) > 0)
-      w.Emitter[w.Emitters++] = std::uint32_t(i);
-    w.Material[i] = flags;
-    if (part.Plain)
-    {
-      const Vec3f& a = scene.Surfaces[std::size_t(part.Material)].Diffuse;
-      w.Ar[i] = a.x;
-      w.Ag[i] = a.y;
-      w.Ab[i] = a.z;
-    }
-    else
-    {
-      w.Material[i] |= Varies;
-      w.Varies = true;
-    }
+    w.Emitter[w.Emitters] = std::uint32_t(i);
+    w.Emitters += (part.Flags & Emits) != 0;
+    w.Material[i] = part.Flags;
+    any |= part.Flags;
+    w.Ar[i] = part.Diffuse.x;
+    w.Ag[i] = part.Diffuse.y;
+    w.Ab[i] = part.Diffuse.z;
   }
+  w.Any = any;
 }
 
 void WavefrontAccess::Straighten(const EmbreeScene& scene, Wavefront& w) noexcept
 {
-  if (!w.Elsewhere)
+  if (!(w.Any & Elsewhere))
     return;
   for (int i = 0; i < w.Count; ++i)
   {
     if (!(w.Material[i] & Elsewhere))
       continue;
     SurfaceHit hit;
-    hit.Geometry = w.Geometry[i];
-    hit.Primitive = w.Primitive[i];
-    hit.U = w.U[i];
-    hit.V = w.V[i];
-    hit.T = w.T[i];
-    hit.Time = w.Live.Time[i];
+    Copy(w, i, hit);
     scene.Locate(scene.Parts[hit.Geometry], hit, { w.Live.Dx[i], w.Live.Dy[i], w.Live.Dz[i] });
     const Vec3f n = hit.Front ? hit.Ng : -hit.Ng;
     w.Px[i] = hit.Pf.x;
@@ -167,12 +164,7 @@ void WavefrontAccess::Straighten(const EmbreeScene& scene, Wavefront& w) noexcep
 
 void WavefrontAccess::Hit(const EmbreeScene& scene, const Wavefront& w, int i, bool position, SurfaceHit& hit) noexcept
 {
-  hit.Geometry = w.Geometry[i];
-  hit.Primitive = w.Primitive[i];
-  hit.U = w.U[i];
-  hit.V = w.V[i];
-  hit.T = w.T[i];
-  hit.Time = w.Live.Time[i];
+  Copy(w, i, hit);
   hit.Pf = { w.Px[i], w.Py[i], w.Pz[i] };
   hit.Front = w.Front[i] != 0;
   hit.Ng = { w.Gx[i], w.Gy[i], w.Gz[i] };
@@ -188,8 +180,9 @@ void WavefrontAccess::Hit(const EmbreeScene& scene, const Wavefront& w, int i, b
 }
 
 std::int64_t WavefrontAccess::Occlude(const EmbreeScene& scene, EmbreeScene::Context& context, Wavefront& w,
-  const std::uint32_t* keys, std::vector<RecordedRay>* record) noexcept
+  const std::uint32_t* keys, int panes, std::vector<RecordedRay>* record) noexcept
 {
+  context.Panes.Allowed = scene.Has.Panes ? std::min(panes, EmbreeScene::PanesMet::Most) : 0;
   RTCRay r;
   std::int64_t count = 0;
   for (int i = 0; i < w.Count; ++i)
@@ -200,11 +193,22 @@ std::int64_t WavefrontAccess::Occlude(const EmbreeScene& scene, EmbreeScene::Con
     SetRay(r, w.Kx[i], w.Ky[i], w.Kz[i], w.Jx[i], w.Jy[i], w.Jz[i], w.Far[i], w.Live.Time[i]);
     if (keys)
       context.Key = keys[i];
+    context.Panes.Count = 0;
     rtcOccluded1(scene.Rtc, &context.Rtc, &r);
     if (scene.Moving && !(r.tfar < 0))
       rtcOccluded1(scene.Moving, &context.Rtc, &r);
     if (r.tfar < 0)
       w.Lit[i] = 0;
+    else if (context.Panes.Count > 0)
+    {
+      const Vec3f passed = scene.PassedBy(context.Panes, { w.Jx[i], w.Jy[i], w.Jz[i] }, w.Live.Time[i]);
+      w.Cr[i] *= passed.x;
+      w.Cg[i] *= passed.y;
+      w.Cb[i] *= passed.z;
+      w.Br[i] *= passed.x;
+      w.Bg[i] *= passed.y;
+      w.Bb[i] *= passed.z;
+    }
     if (record)
       record->push_back(
         { { w.Kx[i], w.Ky[i], w.Kz[i] }, { w.Jx[i], w.Jy[i], w.Jz[i] }, w.Far[i], 1, keys ? keys[i] : 0 });
@@ -217,68 +221,55 @@ bool WavefrontAccess::OnlyDiffuse(const EmbreeScene& scene) noexcept
   for (const Surface& s : scene.Surfaces)
     if (s.NeedsChoice())
       return false;
-  return !scene.Has.SeeThrough;
+  return OnlyOpaque(scene);
 }
 
 bool WavefrontAccess::OnlyOpaque(const EmbreeScene& scene) noexcept
 {
-  for (const Surface& s : scene.Surfaces)
-    if (s.Layered())
+  for (const Material& m : scene.Source->Materials)
+    if (MayBeLayered(m) || m.Volume)
       return false;
   return !scene.Has.SeeThrough;
 }
 
-bool WavefrontAccess::CanPickTriangles(const EmbreeScene& scene) noexcept
+bool WavefrontAccess::FindTriangles(const EmbreeScene& scene, FewTriangles& lights) noexcept
 {
   const LightSampler& l = scene.LightSource;
-  if (l.GetTriangles().empty() || l.GetTriangles().size() > 16)
+  const std::vector<LightTriangle>& triangles = l.GetTriangles();
+  const std::vector<double>& cdf = l.GetLocalCdf();
+  if (triangles.empty() || triangles.size() > std::size_t(FewTriangles::Most) || triangles.size() != cdf.size() ||
+      scene.Has.MovingLights || l.UsesTree() || !l.GetPunctual().empty() || l.LocalShare() < 1)
     return false;
-  for (const LightTriangle& t : l.GetTriangles())
+  lights.Count = 0;
+  for (const LightTriangle& t : triangles)
+  {
     if (t.Textured)
       return false;
-  return !scene.Has.MovingLights && !l.UsesTree() && l.GetPunctual().empty() && !(l.LocalShare() < 1) &&
-         l.GetTriangles().size() == l.GetLocalCdf().size();
-}
-
-void WavefrontAccess::PickTriangles(const EmbreeScene& scene, Wavefront& w) noexcept
-{
-  const LightSampler& l = scene.LightSource;
-  const double* cdf = l.GetLocalCdf().data();
-  const std::size_t last = l.GetLocalCdf().size() - 1;
-  const LightTriangle* triangles = l.GetTriangles().data();
-  for (int i = 0; i < w.Count; ++i)
-  {
-    const double x = double(w.Random[2 * PairLightPick][i]);
-    std::size_t k = 0;
-    while (k < last && !(cdf[k] > x))
-      ++k;
-    const LightTriangle& t = triangles[k];
-    const float place[9] = { t.V0.x, t.V0.y, t.V0.z, t.E1.x, t.E1.y, t.E1.z, t.E2.x, t.E2.y, t.E2.z };
-    for (int c = 0; c < 9; ++c)
-      w.Corner[c][i] = place[c];
-    w.Jx[i] = t.N.x;
-    w.Jy[i] = t.N.y;
-    w.Jz[i] = t.N.z;
-    w.Far[i] = t.Offset;
-    w.Kx[i] = t.TwoSided ? 1.f : 0.f;
-    w.LightPdf[i] = t.PdfArea;
-    w.Er[i] = t.Emission.x;
-    w.Eg[i] = t.Emission.y;
-    w.Eb[i] = t.Emission.z;
-    w.LightFlags[i] = w.Alive[i] ? Wavefront::LightDrawn | Wavefront::LightHittable : 0u;
-    w.LightIndex[i] = std::uint32_t(k);
+    const int k = lights.Count++;
+    // the first float that is not below the end of the one before
+    const double end = k > 0 ? cdf[std::size_t(k) - 1] : 0;
+    lights.From[k] = float(end);
+    if (double(lights.From[k]) < end)
+      lights.From[k] = std::nextafter(lights.From[k], 2.f);
+    const float numbers[FewTriangles::Numbers] = { t.V0.x, t.V0.y, t.V0.z, t.E1.x, t.E1.y, t.E1.z, t.E2.x, t.E2.y,
+      t.E2.z, t.N.x, t.N.y, t.N.z, t.Offset, t.TwoSided ? 1.f : 0.f, t.PdfArea, t.Emission.x, t.Emission.y,
+      t.Emission.z };
+    std::copy_n(numbers, FewTriangles::Numbers, lights.Of[k]);
   }
+  return true;
 }
 
 std::int64_t WavefrontAccess::Replay(const EmbreeScene& scene, const std::vector<RecordedRay>& rays) noexcept
 {
   EmbreeScene::Context context; // see-through surfaces read what lies behind Embree's own
   scene.Begin(context);
+  context.Panes.Allowed = scene.Has.Panes ? EmbreeScene::PanesMet::Most : 0;
   std::int64_t met = 0;
   RTCRayHit r;
   for (const RecordedRay& o : rays)
   {
     context.Key = o.Key;
+    context.Panes.Count = 0;
     SetRay(r.ray, o.Origin.x, o.Origin.y, o.Origin.z, o.Direction.x, o.Direction.y, o.Direction.z, o.Far, 0);
     if (o.Shadow)
     {

@@ -149,3 +149,45 @@ TEST(BsdfMaterials, UnlitScattersNothing)
   EXPECT_FALSE(s.HasDelta());
   EXPECT_EQ(Returned(s, .5f, 64), 0);
 }
+
+// What passes a pane straight is the mean of what Sample sends there, with a coat, a tint or diffuse colour beside it.
+TEST(BsdfMaterials, PanesPassWhatTheSamplesPass)
+{
+  for (int kind = 0; kind < 4; ++kind)
+  {
+    Material m = Plastic(0);
+    m.BaseColor = Vec3f(.9f, .6f, .3f);
+    m.Transmission = kind == 0 ? 1.f : .6f;
+    m.Clearcoat = kind == 2 ? .7f : 0.f;
+    if (kind == 3)
+      m.SpecularColor = Vec3f(3, 1, .2f);
+    Surface s = Make(m);
+    ASSERT_TRUE(s.IsPane());
+    for (float mu : { .05f, .3f, .9f })
+    {
+      s.Prepare(mu);
+      Vec3d sum;
+      const int n = 256;
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j)
+        {
+          const Surface::Sampled out =
+            s.Sample(Upright(), Direction(mu), .3f, .7f, (float(i) + .5f) / n, (float(j) + .5f) / n);
+          if (out.Straight)
+          {
+            EXPECT_TRUE(out.Delta && out.Transmitted);
+            sum += Vec3d(out.Specular) * (1. / (n * n));
+          }
+        }
+      const Vec3f passed = s.StraightThrough(Upright(), Direction(mu));
+      for (int c = 0; c < 3; ++c)
+        EXPECT_NEAR(passed[c], sum[c], 8e-3) << kind << ' ' << mu;
+    }
+  }
+  Material m = Plastic(.5f);
+  m.Transmission = 1;
+  EXPECT_EQ(Make(m).StraightThrough(Upright(), Direction(.5f)), Vec3f()) << "rough";
+  m.Roughness = 0;
+  m.Volume = true;
+  EXPECT_EQ(Make(m).StraightThrough(Upright(), Direction(.5f)), Vec3f()) << "refracts";
+}

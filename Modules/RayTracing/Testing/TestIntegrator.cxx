@@ -432,6 +432,28 @@ TEST(Integrator, ChoosesTheLeanestVariant)
   EXPECT_NE(says(Prepared(b), primary).find("primary"), std::string::npos);
 }
 
+TEST(Integrator, TexturesMayMakeGlassOfMetal)
+{
+  // metallicFactor is 1 in most files: the texture's blue alone says that this is glass, here half of it
+  SceneBuilder b;
+  Material m;
+  m.Transmission = 1;
+  m.MetallicRoughnessTexture.Texture = 0;
+  Texture t;
+  t.Width = t.Height = 1;
+  t.Bytes = { 255, 0, 0, 255 };
+  b.Scene->Textures.push_back(t);
+  b.Quad(b.Add(m), { -9, -9, 0 }, { 18, 0, 0 }, { 0, 18, 0 });
+  b.Scene->Meshes.back().TexCoords[0] = { { 0, 0 }, { 1, 0 }, { 1, 1 }, { 0, 1 } };
+  b.Quad(b.Add(SceneBuilder::Lambert(0, 1)), { -9, -9, -1 }, { 18, 0, 0 }, { 0, 18, 0 });
+  b.Camera({ 0, 0, 1 }, .001);
+  const Shot s = Prepared(b);
+  EXPECT_EQ(s.Tracer.Chosen(), Integrator::Variant::General);
+  EXPECT_TRUE(s.Scene->Has.Glass);
+  const Estimate e = Render(b, 2, 4096);
+  EXPECT_NEAR(e.Mean, .96, 4 * e.Error + 1e-4);
+}
+
 TEST(Integrator, VariantsAgreeBitForBit)
 {
   for (bool sky : { false, true })
@@ -442,14 +464,22 @@ TEST(Integrator, VariantsAgreeBitForBit)
       const Picture lean = Traced(s);
       s.Tracer.Force = Integrator::Variant::Opaque;
       const Picture middle = Traced(s);
-      s.Tracer.Force = Integrator::Variant::General;
       ExpectSameBits(lean, middle, "diffuse and opaque");
+      s.Tracer.Force = Integrator::Variant::General;
       ExpectSameBits(lean, Traced(s), "diffuse and general");
+      s.Tracer.Force = Integrator::Variant::OneByOne;
+      ExpectSameBits(lean, Traced(s), "diffuse and one by one");
     }
-  Shot s = Prepared(Room(true));
-  const Picture lean = Traced(s);
-  s.Tracer.Force = Integrator::Variant::General;
-  ExpectSameBits(lean, Traced(s), "opaque and general");
+  for (bool layered : { false, true })
+  {
+    Shot s = Prepared(Room(true, layered));
+    const Picture lean = Traced(s);
+    for (auto variant : { Integrator::Variant::General, Integrator::Variant::OneByOne })
+    {
+      s.Tracer.Force = variant;
+      ExpectSameBits(lean, Traced(s), "glossy and " + std::to_string(int(variant)));
+    }
+  }
 }
 
 /// The glossy room with everything that the vectors of opaque surfaces choose among: perfect mirrors, metal,
@@ -466,6 +496,16 @@ SceneBuilder Motley(int kind)
     for (int v : { 250 - 3 * i, 4 * i, 2 * i + (kind == 0 ? 100 : 0), 255 - 2 * i })
       mixed.Bytes.push_back(std::uint8_t(v));
   b.Scene->Textures.push_back(mixed);
+  if (kind == 1)
+  {
+    Texture sky;
+    sky.Width = 16;
+    sky.Height = 8;
+    for (int i = 0; i < 128; ++i)
+      sky.Floats.insert(sky.Floats.end(), { i == 37 ? 40.f : .1f + .01f * float(i % 7), i % 3 ? .5f : 0.f, .2f, 1 });
+    b.Scene->Sky.Texture = int(b.Scene->Textures.size());
+    b.Scene->Textures.push_back(sky);
+  }
   int n = 0;
   for (Material& each : m)
   {
@@ -520,16 +560,36 @@ TEST(Integrator, OpaqueSurfacesAgreeBitForBit)
       ASSERT_EQ(s.Tracer.Chosen(), Integrator::Variant::Opaque);
       const Picture lean = Traced(s);
       EXPECT_EQ(lean.Counters.NonFinite, 0);
-      s.Tracer.Force = Integrator::Variant::General;
-      ExpectSameBits(lean, Traced(s), "kind " + std::to_string(kind));
+      for (auto variant : { Integrator::Variant::General, Integrator::Variant::OneByOne })
+      {
+        s.Tracer.Force = variant;
+        ExpectSameBits(lean, Traced(s), "kind " + std::to_string(kind) + ", variant " + std::to_string(int(variant)));
+      }
     }
+}
+
+TEST(Integrator, TexturesMakeTheSameBitsHoweverTheyAreLaidOut)
+{
+  for (int kind = 0; kind < 3; ++kind)
+  {
+    const SceneBuilder b = Motley(kind);
+    Shot s = Prepared(b);
+    const Picture tables = Traced(s);
+    EmbreeScene::Options options;
+    options.TexelBytes = 0;
+    EXPECT_GT(s.Scene->GetStatistics().Bytes, 0);
+    s.Scene = std::make_shared<EmbreeScene>(b.Scene, options);
+    s.Scene->SetTime(0, 0);
+    s.Tracer.Scene = s.Scene.get();
+    ExpectSameBits(tables, Traced(s), "kind " + std::to_string(kind));
+  }
 }
 
 TEST(Integrator, EveryInstructionSetMakesTheSameBits)
 {
-  for (bool glossy : { false, true })
+  for (int kind = 0; kind < 4; ++kind)
   {
-    const Shot s = Prepared(Room(glossy));
+    const Shot s = Prepared(kind < 3 ? Room(kind > 0, kind > 1) : Motley(1));
     const Picture best = Traced(s);
     for (const SimdTarget& target : SimdTargets())
     {

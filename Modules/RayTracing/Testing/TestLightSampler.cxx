@@ -921,7 +921,6 @@ TEST(LightSampler, SkyLookupIsBilinearInLongitudeAndLatitude)
       float pdf = -1;
       EXPECT_EQ(s.SkyAndPdf(d, pdf), Vec3f());
       EXPECT_EQ(pdf, 0.f);
-      s.PrefetchSky(d);
     }
     float pdf = 0;
     EXPECT_TRUE(IsFinite(s.SkyAndPdf(Vec3f(), pdf)) && std::isfinite(pdf));
@@ -962,7 +961,6 @@ TEST(LightSampler, TexelsAreMetAsOftenAsTheyShould)
     for (int i = 0; i < draws; ++i)
     {
       const float pick = u(), a = u(), b = u();
-      s.PrefetchDraw(pick, a, b);
       LightSampler::Sample d;
       ASSERT_TRUE(s.Draw({}, pick, a, b, d));
       float pdf;

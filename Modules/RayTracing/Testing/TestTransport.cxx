@@ -182,6 +182,27 @@ SceneBuilder CoatedRoom()
   return b;
 }
 
+/// A lamp above a tinted window, half of whose pane is frosted by a diffuse share and a coat, and behind a thin box.
+SceneBuilder PaneRoom()
+{
+  SceneBuilder b = Walls();
+  CeilingLamp(b, .4f, 8);
+  Material pane = Colored(.9f, .7f, .4f);
+  pane.Specular = 1;
+  pane.Transmission = 1;
+  pane.Roughness = 0;
+  b.Quad(b.Add(pane), { -1, 1.5f, 1 }, { 1, 0, 0 }, { 0, 0, -2 });
+  pane.Transmission = .6f;
+  pane.Clearcoat = .8f;
+  pane.ClearcoatRoughness = .3f;
+  b.Quad(b.Add(pane), { 0, 1.5f, 1 }, { 1, 0, 0 }, { 0, 0, -2 });
+  pane = Material();
+  pane.Metallic = pane.Roughness = 0;
+  pane.Transmission = 1;
+  b.Box(b.Add(pane), { -.6f, 0, -.5f }, { -.1f, .9f, 0 });
+  return b;
+}
+
 double MeanOf(const statistics::Picture& p)
 {
   double sum = 0;
@@ -251,6 +272,10 @@ TEST(Strategies, RoughGlass)
 TEST(Strategies, TexturedLamp)
 {
   Agree("textured lamp", TexturedLamp(), 64, 1.2);
+}
+TEST(Strategies, Panes)
+{
+  Agree("panes", PaneRoom(), 128, 1.2, 7);
 }
 TEST(Strategies, Coated)
 {
@@ -344,6 +369,55 @@ TEST(ClosedForms, SphereLight)
     // the polyhedron's outline is .02 % smaller
     EXPECT_NEAR(e.Mean, .196349541 / 2 / 3.14159265, 4 * e.Error + 3e-4 * .03125) << int(strategy);
   }
+}
+
+// E T(theta)^n of a lamp behind n panes of glass, T = (1 - F) tint.
+TEST(ClosedForms, LampsShineThroughPanes)
+{
+  const double theta = .6, c = std::cos(theta), t = (1 - Fresnel(c, 1.5)) * .8;
+  for (LightType type : { LightType::Directional, LightType::Point, LightType::Spot })
+    for (int panes : { 1, 2, 3, 16, 17 })
+    {
+      SceneBuilder b = Floor();
+      Material m;
+      m.BaseColor = Vec3f(.8f);
+      m.Metallic = m.Roughness = 0;
+      m.Transmission = 1;
+      const int pane = b.Add(m);
+      // the camera looks from below the panes
+      for (int k = 0; k < panes; ++k)
+        b.Quad(pane, { -4, 1 + .05f * float(k), 4 }, { 8, 0, 0 }, { 0, 0, -8 });
+      b.Scene->Cameras.clear();
+      b.Camera({ 0, .5, .5 }, .0001, std::atan(1.));
+      Node node;
+      node.Translation = { 0, 5 * c, 5 * std::sin(theta) };
+      // -z turned down by pi / 2 - theta
+      node.Rotation[0] = -std::sin((1.57079632679 - theta) / 2);
+      node.Rotation[3] = std::cos((1.57079632679 - theta) / 2);
+      b.Scene->Nodes.push_back(node);
+      PunctualLight l;
+      l.Type = type;
+      l.Node = int(b.Scene->Nodes.size()) - 1;
+      l.Intensity = Vec3f(3.f);
+      l.InnerCone = .4f;
+      l.OuterCone = .5f;
+      b.Scene->Lights.push_back(l);
+      const double e = 3 * c / (type == LightType::Directional ? 1 : 25);
+      // direct light: what panes and floor send to and fro is not in the closed form
+      const auto direct = [&b](int bounces)
+      {
+        Settings s;
+        s.Width = s.Height = 1;
+        s.PixelJitter = quell::Integrator::Jitter::None;
+        s.Samples = 4;
+        s.Bounces = bounces;
+        return double(Shoot(b.Scene, s, { "direct" })["direct"].Pixels[0]);
+      };
+      const double gold = panes > 16 ? 0 : .5 / 3.14159265 * e * std::pow(t, panes);
+      EXPECT_NEAR(direct(1 + panes), gold, 2e-5 * gold) << int(type) << ' ' << panes;
+      // each is a scattering
+      EXPECT_EQ(direct(panes), 0.) << int(type) << ' ' << panes;
+    }
 }
 
 // Two parallel unit squares at distance 1, F = .199825: the mean over one of them, not a point.
