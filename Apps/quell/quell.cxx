@@ -146,6 +146,16 @@ int Run(int argc, char** argv)
   compareApp->add_option("--map", compare.Map, "Write the first metric's value of each pixel as a picture")
     ->type_name("OUT.png");
 
+  quell::VerifyArguments verify;
+  CLI::App* verifyApp =
+    app.add_subcommand("verify", "Run again what an image says it was made by, and compare every bit");
+  verifyApp->add_option("FILE", verify.File, "EXR that quell run wrote")->required();
+  verifyApp->add_flag("--json", verify.Json, "As JSON");
+  verifyApp->add_option("--threads", threads, "Threads to use; all when not given")
+    ->type_name("N")
+    ->check(CLI::Range(1, 4096));
+  verifyApp->add_flag("--quiet", verify.Quiet, "No progress");
+
   quell::TradeoffArguments tradeoff;
   CLI::App* tradeoffApp = app.add_subcommand("tradeoff", "Measure speed against accuracy over settings of a pipeline");
   tradeoffApp->add_option("FILE", tradeoff.File, "Pipeline file, or an EXR that a run wrote")->required();
@@ -252,6 +262,10 @@ int Run(int argc, char** argv)
     if (*inspectApp)
     {
       return quell::InspectCommand(inspected, inspectJson);
+    }
+    if (*verifyApp)
+    {
+      return quell::VerifyCommand(verify);
     }
     if (*tradeoffApp)
     {

@@ -63,6 +63,11 @@ struct CompareArguments
   bool Json = false;
 };
 
+struct VerifyArguments
+{
+  std::string File;
+  bool Json = false, Quiet = false;
+};
 struct TradeoffArguments : PipelineArguments
 {
   std::string Reference, Layer, Output, Budget, Target;
@@ -79,6 +84,7 @@ int ExplainCommand(const ExplainArguments& arguments);
 int CheckCommand(const std::string& file);
 int NodesCommand(const NodesArguments& arguments);
 int CompareCommand(const CompareArguments& arguments);
+int VerifyCommand(const VerifyArguments& arguments);
 int TradeoffCommand(const TradeoffArguments& arguments);
 int InspectCommand(const std::string& file, bool json);
 

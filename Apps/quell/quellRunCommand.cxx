@@ -7,6 +7,7 @@
 #include "quellPipelineWriter.h"
 #include "quellProgressLine.h"
 #include "quellProvenance.h"
+#include "quellSimd.h"
 
 #include <nlohmann/json.hpp>
 
@@ -94,6 +95,7 @@ std::map<std::string, std::string> Provenance(const PreparedRun& run)
   std::fputs(messages.ToText().c_str(), stderr);
   m["pipelineHash"] = HashHex(m["pipeline"]);
   m["version"] = QUELL_VERSION;
+  m["instructions"] = SimdTargetName();
   for (const auto& input : InputHashes(*run.Pipeline))
   {
     m["inputs"] += input.second + " " + input.first + "\n";

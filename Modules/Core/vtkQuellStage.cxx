@@ -217,6 +217,8 @@ void vtkQuellStage::SetTimeline(const quell::Timeline& t)
 
 void vtkQuellStage::SetMetadata(const std::map<std::string, std::string>&) {}
 
+void vtkQuellStage::SetMetadataSource(const MetadataSource&) {}
+
 bool vtkQuellStage::SetInputAttribute(int port, int, const std::string& name, const std::string&, std::string& error)
 {
   error = "input \"" + this->GetDescription().Inputs.at(port).Name + "\" has no attribute \"" + name + "\"";

@@ -129,6 +129,9 @@ public:
   virtual std::vector<std::string> GetFilesWritten() const { return {}; }
   /// Facts about the run for files that keep them (pipeline text, hashes, versions); writers override.
   virtual void SetMetadata(const std::map<std::string, std::string>& entries);
+  /// More of them that only the moment of writing knows (what the stages before took); asked while the stage executes.
+  using MetadataSource = std::function<std::map<std::string, std::string>()>;
+  virtual void SetMetadataSource(const MetadataSource& source);
   /// Extra attributes of one connection in XML (e.g. name="albedo" on a writer's layer). The base class knows none and
   /// fills `error`.
   virtual bool SetInputAttribute(

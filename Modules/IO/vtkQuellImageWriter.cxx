@@ -77,6 +77,11 @@ void vtkQuellImageWriter::SetMetadata(const std::map<std::string, std::string>& 
   this->Metadata = entries;
 }
 
+void vtkQuellImageWriter::SetMetadataSource(const MetadataSource& source)
+{
+  this->MoreMetadata = source;
+}
+
 quell::ArrayKind vtkQuellImageWriter::KindOf(int connection, const std::string& array)
 {
   // Whoever makes the array knows its kind: follow the pass-through, which goes up first inputs.
@@ -151,6 +156,9 @@ void vtkQuellImageWriter::Execute(quell::StageFrame& frame)
     throw quell::StageError("nothing is connected to \"layer\"");
   quell::WriteOptions options;
   options.Metadata = this->Metadata;
+  if (this->MoreMetadata)
+    for (const auto& entry : this->MoreMetadata())
+      options.Metadata[entry.first] = entry.second;
   options.Width = frame.Whole().width();
   options.Height = frame.Whole().height();
   const bool bands = !this->BandRegion.empty();

@@ -53,6 +53,7 @@ public:
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
   /// Kept as string attributes `quell:<key>`. Takes effect when the next file is written.
   void SetMetadata(const std::map<std::string, std::string>& entries) override;
+  void SetMetadataSource(const MetadataSource& source) override;
   void CheckSettings() override;
   std::vector<std::string> GetFilesWritten() const override { return this->Files; }
 
@@ -75,6 +76,7 @@ private:
   bool Half = false;
   std::map<int, std::string> LayerNames;
   std::map<std::string, std::string> Metadata;
+  MetadataSource MoreMetadata;
   std::vector<std::string> Files;
   quell::Rect BandRegion;                           ///< empty: every execution is a whole file
   std::unique_ptr<quell::ImageFileWriter> BandFile; ///< null before the first band

@@ -10,6 +10,7 @@
 #include "vtkStreamingDemandDrivenPipeline.h"
 
 #include <algorithm>
+#include <cstdio>
 
 namespace quell
 {
@@ -107,6 +108,7 @@ PipelineExecutor::~PipelineExecutor()
   {
     if (stage)
     {
+      stage->SetMetadataSource({});
       stage->RemoveObserver(this->Watch->Command);
       stage->GetExecutive()->RemoveObserver(this->Watch->Command);
     }
@@ -190,6 +192,7 @@ void PipelineExecutor::Rebuild()
     stage->SetCancelToken(this->Token);
     stage->SetWatched(this->Watched);
     stage->SetMetadata(this->Metadata);
+    stage->SetMetadataSource([this, n] { return this->FrameMetadata(int(n)); });
     this->Watch->Add(stage, node.Path);
     this->Stages[n] = stage;
   }
@@ -422,6 +425,42 @@ bool PipelineExecutor::CheckRegion(std::string& error)
     }
   }
   return true;
+}
+
+std::map<std::string, std::string> PipelineExecutor::FrameMetadata(int node) const
+{
+  std::map<std::string, std::string> m{ { "node", this->Plan->Nodes[std::size_t(node)].Path } };
+  if (this->BandRows > 0)
+  {
+    return m;
+  }
+  // Names of nodes and types need no quoting.
+  std::string stages;
+  for (int n : this->Plan->Order)
+  {
+    const auto& stage = this->Stages[std::size_t(n)];
+    const auto before = this->Before.find(stage);
+    if (!this->Live[std::size_t(n)] || !stage || before == this->Before.end())
+    {
+      continue;
+    }
+    const StageCounters &now = stage->GetCounters(), &then = before->second;
+    if (now.Executions == then.Executions)
+    {
+      continue;
+    }
+    char text[192];
+    std::snprintf(text, sizeof text, "\", \"ms\": %.3f, \"pixels\": %lld, \"rays\": %lld, \"nonFinite\": %lld}",
+      1000 * (now.Seconds - then.Seconds), static_cast<long long>(now.Pixels - then.Pixels),
+      static_cast<long long>(now.Rays - then.Rays), static_cast<long long>(now.NonFinite - then.NonFinite));
+    const GraphNode& g = this->Plan->Nodes[std::size_t(n)];
+    stages += (stages.empty() ? "[{\"node\": \"" : ",\n {\"node\": \"") + g.Path + "\", \"type\": \"" + g.Type + text;
+  }
+  if (!stages.empty())
+  {
+    m["stages"] = stages + "]";
+  }
+  return m;
 }
 
 bool PipelineExecutor::CanRunInBands(std::string& reason) const
@@ -671,6 +710,14 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
     }
   }
 
+  this->Before.clear();
+  for (const auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      this->Before[stage] = stage->GetCounters();
+    }
+  }
   std::vector<Asked> asked;
   if (!this->Ask(mode, asked, result.Error))
   {

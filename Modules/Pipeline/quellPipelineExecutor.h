@@ -74,6 +74,8 @@ public:
   void SetBandRows(int rows) { this->BandRows = rows; }
   /// False (with the reason) for pipelines with delayed inputs, which need whole frames, and with sinks that do.
   bool CanRunInBands(std::string& reason) const;
+  /// For files that keep facts about the run. Each also gets `node`, the path of the node that writes it, and, unless the
+  /// frame is made in bands, `stages`: JSON, what every stage before took in this frame.
   void SetMetadata(const std::map<std::string, std::string>& entries);
   /// Arrays of a node that the caller wants to look at after each tick (GetImage); an empty set takes the wish back.
   /// False for an unknown node.
@@ -138,6 +140,7 @@ private:
   struct Observer;
   void Rebuild();
   std::string Title(int node) const;
+  std::map<std::string, std::string> FrameMetadata(int node) const;
   struct Asked
   {
     Target What;
@@ -161,6 +164,7 @@ private:
   std::optional<DisplayRegion> Region;
   std::map<std::string, std::string> Metadata;
   FrameHistory History;
+  std::map<const vtkQuellStage*, StageCounters> Before; ///< when the frame at work began
   int BandRows = 0;
   bool WriteOutputs = true;
   bool Watched = false;

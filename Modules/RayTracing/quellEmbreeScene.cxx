@@ -70,6 +70,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& opti
     part.Moves = moving[k] != 0;
     part.Deforms = s.Deforms(i);
     part.AlphaTested = m.Mode != AlphaMode::Opaque;
+    part.OneSided = options.HideBackFaces && !m.DoubleSided && !MayTransmit(m);
     const auto used = [&](const TextureUse& u) { return u.Texture >= 0 && u.Texture < int(s.Textures.size()); };
     for (const TextureUse* use : TexturesOf(m))
       part.Textured |= used(*use);
@@ -343,9 +344,9 @@ void EmbreeScene::FindBounds(const ScenePose& pose, Vec3d& lower, Vec3d& upper) 
 
 void EmbreeScene::SetFilters(RTCGeometry geometry, const Part& part)
 {
-  if (part.AlphaTested)
+  if (part.AlphaTested || part.OneSided)
     rtcSetGeometryIntersectFilterFunction(geometry, &EmbreeScene::SeeThrough);
-  if (part.AlphaTested || part.Pane)
+  if (part.AlphaTested || part.OneSided || part.Pane)
     rtcSetGeometryOccludedFilterFunction(geometry, part.Pane ? &EmbreeScene::PassPanes : &EmbreeScene::SeeThrough);
 }
 

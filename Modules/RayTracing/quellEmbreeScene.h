@@ -81,6 +81,8 @@ public:
     /// Copies of textures that are laid out for reading (TexelTable) may take so much memory in all.
     std::int64_t TexelBytes = std::int64_t(1) << 30;
     LightSelection Lights = LightSelection::Auto;
+    /// Rays of all kinds pass single-sided surfaces from behind; glass is never one-sided.
+    bool HideBackFaces = false;
   };
 
   explicit EmbreeScene(std::shared_ptr<const Scene> scene)
@@ -255,6 +257,7 @@ private:
     bool Moved = false;    ///< between the previous and this time
     bool Mirrored = false; ///< triangles are inside out: the cross product of their edges points inside
     bool AlphaTested = false, Pane = false, Textured = false, Plain = false;
+    bool OneSided = false; ///< rays from behind pass
     // What shading reads. For Rigid and Flat normals and tangents are the mesh's (null: none, or not one per vertex).
     const float* Points = nullptr;          ///< 3 per vertex
     const std::uint32_t* Corners = nullptr; ///< 3 per triangle, usable ones only
@@ -381,6 +384,7 @@ private:
   float AlphaAt(const Part& part, std::uint32_t primitive, float u, float v) const noexcept;
   Vec3f EmissionAt(const Part& part, std::uint32_t primitive, float u, float v) const noexcept;
   static void SeeThrough(const RTCFilterFunctionNArguments* args);
+  static void PassBackFaces(const Part& part, const RTCFilterFunctionNArguments* args) noexcept;
   static void PassPanes(const RTCFilterFunctionNArguments* args);
 
   std::shared_ptr<const Scene> Source;

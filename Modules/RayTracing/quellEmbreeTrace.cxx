@@ -94,12 +94,31 @@ std::size_t PartOf(const RTCFilterFunctionNArguments* args) noexcept
 }
 }
 
+void EmbreeScene::PassBackFaces(const Part& part, const RTCFilterFunctionNArguments* args) noexcept
+{
+  // An instance's ray and normal are its mesh's, where the front is what the corners say; baked corners are mirrored.
+  const bool local = args->context->instID[0] != RTC_INVALID_GEOMETRY_ID;
+  const float sign = part.Mirrored && !local ? -1.f : 1.f;
+  for (unsigned i = 0; i < args->N; ++i)
+  {
+    const float cosine = RTCHitN_Ng_x(args->hit, args->N, i) * RTCRayN_dir_x(args->ray, args->N, i) +
+                         RTCHitN_Ng_y(args->hit, args->N, i) * RTCRayN_dir_y(args->ray, args->N, i) +
+                         RTCHitN_Ng_z(args->hit, args->N, i) * RTCRayN_dir_z(args->ray, args->N, i);
+    if (args->valid[i] == -1 && sign * cosine > 0)
+      args->valid[i] = 0;
+  }
+}
+
 void EmbreeScene::SeeThrough(const RTCFilterFunctionNArguments* args)
 {
   const Context* context = reinterpret_cast<const Context*>(args->context);
   const EmbreeScene& self = *context->Self;
   const std::size_t index = PartOf(args);
   const Part& part = self.Parts[index];
+  if (part.OneSided)
+    PassBackFaces(part, args);
+  if (!part.AlphaTested)
+    return;
   for (unsigned i = 0; i < args->N; ++i)
   {
     if (args->valid[i] != -1)
@@ -119,7 +138,7 @@ void EmbreeScene::PassPanes(const RTCFilterFunctionNArguments* args)
   const std::size_t index = PartOf(args);
   const Part& part = self.Parts[index];
   if (part.AlphaTested)
-    SeeThrough(args);
+    SeeThrough(args); // glass is never one-sided
   PanesMet& panes = context->Panes;
   for (unsigned i = 0; i < args->N; ++i)
   {

@@ -90,6 +90,13 @@ struct vtkQuellPathTraceSource::Internals
   int Generation = 0; ///< counts scenes
   std::unique_ptr<quell::EmbreeScene> Built;
   int BuiltGeneration = -1, BuiltSelection = -1;
+  bool BuiltOneSided = false;
+
+  bool IsBuilt(const vtkQuellPathTraceSource& s) const
+  {
+    return this->Built && this->BuiltGeneration == this->Generation && this->BuiltSelection == s.LightSelection &&
+           this->BuiltOneSided == s.HideBackFaces;
+  }
 
   static quell::EmbreeScene::Options Options(const vtkQuellPathTraceSource& source);
 
@@ -120,9 +127,9 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
     "Materials: glTF metallic-roughness with GGX, height-correlated Smith masking, Schlick's Fresnel term and energy "
     "compensation (white stays white at every roughness); rough and smooth transmission with the exact Fresnel "
     "equations, refracting where the material bounds a volume, straight through thin walls elsewhere; clearcoat. "
-    "Reflection and transmission are perfectly sharp below roughness 0.032. Shadow rays take glass for opaque and see "
-    "through alpha. "
-    "Back faces are rendered; single-sided emission shines from the front only.\n\n"
+    "Reflection and transmission are perfectly sharp below roughness 0.032. Shadow rays see through "
+    "alpha and pass thin, smooth glass straight; other glass blocks them. "
+    "Back faces are rendered unless HideBackFaces; single-sided emission shines from the front only.\n\n"
     "Features are means over the samples (`depth`, `position`, `motion`, `normalGeometric` over those that hit), ids "
     "come "
     "from the first sample that hit. With PixelJitter PerSample and one sample per pixel they belong to the jittered "
@@ -171,6 +178,7 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
   QUELL_ENUM(d, DefaultSky,
     "whether a studio sky lights a scene without environment: where it has no light at all, always, never", "WhenDark",
     "Always", "Never");
+  QUELL_BOOL(d, HideBackFaces, "surfaces that are not double-sided are invisible from behind; glass is not among them");
   QUELL_INT(d, Width, "pixels", "frame width; 0: the scene's resolution, else 256");
   QUELL_INT(d, Height, "pixels", "frame height; 0: the scene's resolution, else 256");
   QUELL_INT(d, SamplesPerPixel, "samples", "camera paths per pixel and frame");
@@ -380,6 +388,7 @@ quell::EmbreeScene::Options vtkQuellPathTraceSource::Internals::Options(const vt
 {
   quell::EmbreeScene::Options options;
   options.Lights = quell::LightSelection(s.LightSelection);
+  options.HideBackFaces = s.HideBackFaces;
   return options;
 }
 
@@ -674,12 +683,13 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
 
   try
   {
-    if (!in.Built || in.BuiltGeneration != in.Generation || in.BuiltSelection != this->LightSelection)
+    if (!in.IsBuilt(*this))
     {
       in.Built.reset();
       in.Built.reset(new quell::EmbreeScene(in.Loaded, Internals::Options(*this)));
       in.BuiltGeneration = in.Generation;
       in.BuiltSelection = this->LightSelection;
+      in.BuiltOneSided = this->HideBackFaces;
     }
     in.Built->SetShutter(-shutter / 2, shutter / 2);
     in.Built->SetTime(time, (tick - 1) / rate);
@@ -1070,7 +1080,8 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       lines.push_back("a lens: two random numbers more a sample");
     if (this->ShutterTime > 0 && !scene.Animated())
       lines.push_back("an open shutter, but nothing moves: no ray has a time");
-    const auto choice = [&](const char* property) { return this->GetDescription().FindProperty(property)->GetText(this); };
+    const auto choice = [&](const char* property)
+    { return this->GetDescription().FindProperty(property)->GetText(this); };
     if (this->PixelFilter != Box || this->FilterRadius > 0)
     {
       std::ostringstream text;
@@ -1090,7 +1101,7 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
     for (const quell::Instance& instance : scene.Instances)
       triangles += scene.Meshes[std::size_t(instance.Mesh)].Indices.size() / 3;
     Internals& in = *this->Internal;
-    const bool ready = in.Built && in.BuiltGeneration == in.Generation && in.BuiltSelection == this->LightSelection;
+    const bool ready = in.IsBuilt(*this);
     if (!traced.empty() && (ready || triangles < 1000000))
     {
       std::unique_ptr<quell::EmbreeScene> made;

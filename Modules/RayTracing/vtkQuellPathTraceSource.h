@@ -121,6 +121,12 @@ public:
   int GetDefaultSky() const { return this->DefaultSky; }
   ///@}
   ///@{
+  /// Surfaces that glTF does not call double-sided are invisible from behind, to the camera and to light. Glass is not
+  /// among them. Default off: they are rendered.
+  vtkSetMacro(HideBackFaces, bool);
+  vtkGetMacro(HideBackFaces, bool);
+  ///@}
+  ///@{
   /// Frame size; 0: the scene's extras.resolution, else 256. [0, 32768]
   vtkSetClampMacro(Width, int, 0, 32768);
   vtkGetMacro(Width, int);
@@ -255,6 +261,7 @@ private:
   std::string Scene, Camera, Animation, Environment;
   int Width = 0, Height = 0, SamplesPerPixel = 1, FirstSample = 0, MaximumBounces = -1, RussianRouletteStart = 3;
   int Seed = 0, PixelJitter = PerSample, DefaultSky = WhenDark, LensBlades = 0, PixelFilter = Box, GuideSamples = 0, SamplePattern = 0, LightSelection = 0;
+  bool HideBackFaces = false;
   double SampleClamp = 0, LensRadius = 0, FocusDistance = 0, ShutterTime = 0, FilterRadius = 0;
   std::size_t FilmMemory = std::size_t(1) << 28;
   std::unique_ptr<Internals> Internal;

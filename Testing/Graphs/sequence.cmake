@@ -58,6 +58,18 @@ same(noise.0002.exr kept.exr)
 
 # With history: the checkpoint.
 quell(0 "wrote 6 frames" run smooth.xml --out whole --quiet)
+# What an image says it was made by makes it again, to the last bit: a frame with history, a crop, a changed one.
+quell(0 "is what its pipeline makes" verify whole/smooth.0005.exr --quiet)
+quell(0 "radiance: every bit of 384 pixels" verify whole/smooth.0003.exr --quiet)
+quell(0 "wrote crop/smooth.0004.exr" run smooth.xml --frames 4 --region 3,2,17,11 --quiet --out crop)
+quell(0 "radiance: every bit of 126 pixels" verify crop/smooth.0004.exr --quiet)
+quell(0 "wrote" run noise.xml -D scene=${SCENE} --frames 3 --quiet --out other --seed 9)
+quell(0 "is what" verify other/noise.0003.exr --quiet)
+file(RENAME "${WORK}/noise.0003.exr" "${WORK}/mine.exr")
+file(COPY "${WORK}/other/noise.0003.exr" DESTINATION "${WORK}")
+quell(3 "pixels differ, by" verify whole/smooth.0005.exr --quiet)
+file(REMOVE "${WORK}/noise.0003.exr")
+file(RENAME "${WORK}/mine.exr" "${WORK}/noise.0003.exr")
 expect("the checkpoint was left behind" NOT EXISTS "${WORK}/whole/smooth.checkpoint")
 quell(0 "there is no checkpoint part/smooth.checkpoint; starting from frame 0" run smooth.xml --out part --frames 0:1 --resume --quiet)
 file(REMOVE "${WORK}/noise.0003.exr")

@@ -524,6 +524,58 @@ TEST(Geometry, MirroredPartsKeepTheirOutside)
     }
 }
 
+TEST(Geometry, HiddenBackFacesLetRaysPassFromBehindOnly)
+{
+  // A box, seen from outside and from within: still and moving, mirrored or not, repeated, double-sided, of glass.
+  for (int moving = 0; moving < 2; ++moving)
+    for (double x : { 1., -1. })
+      for (const char* kind : { "plain", "double-sided", "glass", "repeated" })
+      {
+        SCOPED_TRACE(std::string(kind) + (moving ? " moving" : " still") + (x < 0 ? " mirrored" : ""));
+        SceneBuilder b;
+        const int m = b.Add(SceneBuilder::Lambert(.5f));
+        b.Scene->Materials[std::size_t(m)].DoubleSided = kind[0] == 'd';
+        b.Scene->Materials[std::size_t(m)].Transmission = kind[0] == 'g' ? 1.f : 0.f;
+        b.Box(m, { -.5f, -.5f, -.5f }, { .5f, .5f, .5f });
+        b.Scene->Nodes[0].Scale = { x, 1, 1 };
+        if (kind[0] == 'r')
+        {
+          Node far = b.Scene->Nodes[0];
+          far.Translation = { 0, 0, 50 };
+          b.Scene->Nodes.push_back(far);
+          Instance again = b.Scene->Instances[0];
+          again.Node = int(b.Scene->Nodes.size()) - 1;
+          again.Id = 2;
+          b.Scene->Instances.push_back(again);
+        }
+        if (moving)
+          Animate(*b.Scene, 0, AnimatedPath::Translation, { 0, 1 }, { 0, 0, 0, .1f, 0, 0 });
+        EmbreeScene::Options options;
+        options.HideBackFaces = true;
+        options.RepeatedTriangles = 0;
+        EmbreeScene scene(b.Scene, options);
+        scene.SetTime(.5, 0);
+        EmbreeScene::Context context;
+        scene.Begin(context);
+        const bool passes = kind[0] == 'p' || kind[0] == 'r';
+        for (const Vec3f& d : { Vec3f(1, .2f, .1f), Vec3f(-.3f, 1, .2f), Vec3f(.1f, -.2f, -1) })
+        {
+          TraceRay within;
+          within.Origin = Vec3f(.05f, 0, 0) - Vec3f(scene.Origin());
+          within.Direction = Normalized(d);
+          within.Far = 20;
+          SurfaceHit hit;
+          EXPECT_EQ(scene.Intersect(context, within, hit), !passes);
+          EXPECT_EQ(scene.Occluded(context, within), !passes);
+          TraceRay outside = within;
+          outside.Origin = within.Origin - within.Direction * 3.f;
+          ASSERT_TRUE(scene.Intersect(context, outside, hit));
+          EXPECT_TRUE(hit.Front);
+          EXPECT_TRUE(scene.Occluded(context, outside));
+        }
+      }
+}
+
 TEST(Geometry, RestBoundsFollowSkinsAndMorphs)
 {
   SceneBuilder b = Skinned();
