@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <limits>
 
 namespace quell
@@ -80,6 +81,167 @@ Statistics Measure(const float* data, std::int64_t pixels, int components, Array
   return s;
 }
 
+/// An array of the file as pixels; null where it has none of that name and width.
+const float* Find(vtkImageData* image, const char* name, int components)
+{
+  auto array = vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(name));
+  return array && array->GetNumberOfComponents() == components ? array->GetPointer(0) : nullptr;
+}
+
+/// One promise between arrays, and how many pixels keep it.
+struct Relation
+{
+  std::string What;
+  std::int64_t Pixels = 0, Kept = 0;
+  double Enough = 0.999; ///< part of the pixels; edges under jitter or a lens may break some
+
+  bool Holds() const { return double(this->Kept) >= this->Enough * double(this->Pixels); }
+  void Count(bool kept)
+  {
+    ++this->Pixels;
+    this->Kept += kept;
+  }
+};
+
+/// Layers that sum to others, as far as the file has them all: within 1e-4 of the sum of magnitudes, 2e-3 in half.
+void CheckSums(vtkImageData* image, bool half, std::vector<Relation>& relations)
+{
+  static const std::vector<std::vector<const char*>> sums = { { "radiance", "emission", "direct", "indirect" },
+    { "direct", "directDiffuse", "directSpecular" }, { "indirect", "indirectDiffuse", "indirectSpecular" },
+    { "albedo", "albedoDiffuse", "albedoSpecular" } };
+  const std::int64_t pixels = image->GetNumberOfPoints();
+  for (const auto& names : sums)
+  {
+    std::vector<const float*> arrays;
+    Relation r;
+    for (const char* name : names)
+    {
+      arrays.push_back(Find(image, name, 3));
+      r.What += (arrays.size() == 1 ? "" : arrays.size() == 2 ? " = " : " + ") + std::string(name);
+    }
+    if (std::find(arrays.begin(), arrays.end(), nullptr) != arrays.end())
+    {
+      continue;
+    }
+    for (std::int64_t p = 0; p < pixels; ++p)
+    {
+      bool kept = true;
+      for (int c = 0; c < 3; ++c)
+      {
+        double sum = 0, size = std::fabs(double(arrays[0][3 * p + c]));
+        for (std::size_t k = 1; k < arrays.size(); ++k)
+        {
+          sum += double(arrays[k][3 * p + c]);
+          size += std::fabs(double(arrays[k][3 * p + c]));
+        }
+        kept = kept && std::fabs(sum - double(arrays[0][3 * p + c])) <= (half ? 2e-3 : 1e-4) * size + 1e-6;
+      }
+      r.Count(kept);
+    }
+    relations.push_back(r);
+  }
+}
+
+/// Where `m` puts a position, in pixels of the frame; false behind the camera.
+bool Project(const Mat4& m, const float* position, int width, int height, double* pixel)
+{
+  double c[4];
+  for (int i : { 0, 1, 3 })
+  {
+    c[i] =
+      m.m[i][0] * double(position[0]) + m.m[i][1] * double(position[1]) + m.m[i][2] * double(position[2]) + m.m[i][3];
+  }
+  pixel[0] = (c[0] / c[3] + 1) / 2 * width;
+  pixel[1] = (c[1] / c[3] + 1) / 2 * height;
+  return c[3] > 0 && std::isfinite(pixel[0]) && std::isfinite(pixel[1]);
+}
+
+/// Positions against pixels and depth, and motion against the camera of the frame before.
+void CheckGeometry(
+  vtkImageData* image, const ReadReport& report, const FrameFacts* before, std::vector<Relation>& relations)
+{
+  const float *position = Find(image, "position", 3), *depth = Find(image, "depth", 1),
+              *motion = Find(image, "motion", 2);
+  const FrameFacts& facts = report.Facts;
+  if (!facts.HasCamera || !position)
+  {
+    return;
+  }
+  int e[6];
+  image->GetExtent(e);
+  Relation own, distance, moved;
+  own.What = "position is seen in its own pixel (within 1.5)";
+  own.Enough = distance.Enough = 0.95;
+  distance.What = "depth is that of position (within 1 %)";
+  moved.What =
+    "motion is that of position under the camera of the frame before (within half a pixel; the rest moves itself)";
+  moved.Enough = 0;
+  std::int64_t p = 0;
+  for (int y = e[2]; y <= e[3]; ++y)
+  {
+    for (int x = e[0]; x <= e[1]; ++x, ++p)
+    {
+      const float* q = position + 3 * p;
+      const bool hit = depth ? std::isfinite(depth[p]) && depth[p] > 0 : q[0] != 0 || q[1] != 0 || q[2] != 0;
+      if (!hit)
+      {
+        continue;
+      }
+      double now[2], then[2];
+      const bool seen = Project(facts.WorldToNdc, q, report.Width, report.Height, now);
+      own.Count(seen && std::hypot(now[0] - x - 0.5, now[1] - y - 0.5) <= 1.5);
+      if (depth)
+      {
+        double z = facts.WorldToCamera.m[2][3];
+        for (int i = 0; i < 3; ++i)
+        {
+          z += facts.WorldToCamera.m[2][i] * double(q[i]);
+        }
+        distance.Count(std::fabs(-z - double(depth[p])) <= 0.01 * double(depth[p]));
+      }
+      if (before && motion && seen && Project(before->WorldToNdc, q, report.Width, report.Height, then))
+      {
+        moved.Count(
+          std::hypot(then[0] - now[0] - double(motion[2 * p]), then[1] - now[1] - double(motion[2 * p + 1])) <= 0.5);
+      }
+    }
+  }
+  for (const Relation& r : { own, distance, moved })
+  {
+    if (r.Pixels > 0)
+    {
+      relations.push_back(r);
+    }
+  }
+}
+
+/// The file of the same sequence with the number before: "a.0004.exr" for "a.0005.exr"; empty where there is none.
+std::string FileBefore(const std::string& file)
+{
+  const std::size_t last = file.find_last_of("0123456789"), slash = file.find_last_of('/');
+  if (last == std::string::npos || (slash != std::string::npos && last < slash))
+  {
+    return std::string();
+  }
+  std::size_t first = last;
+  while (first > 0 && file[first - 1] >= '0' && file[first - 1] <= '9')
+  {
+    --first;
+  }
+  const std::string digits = file.substr(first, last + 1 - first);
+  long long n = 0;
+  std::string error;
+  if (!detail::ParseInt(digits, 1, 1000000000, n, error))
+  {
+    return std::string();
+  }
+  std::string before = std::to_string(n - 1);
+  before.insert(0, digits.size() - std::min(digits.size(), before.size()), '0');
+  const std::string name = file.substr(0, first) + before + file.substr(last + 1);
+  std::error_code ec;
+  return std::filesystem::is_regular_file(name, ec) ? name : std::string();
+}
+
 std::string Joined(const std::vector<std::string>& names)
 {
   std::string text;
@@ -143,6 +305,39 @@ int InspectCommand(const std::string& file, bool asJson)
       entry["mean"] = s.Mean;
     }
     out["arrays"].push_back(entry);
+  }
+  std::vector<Relation> relations;
+  const bool half =
+    std::any_of(report.Arrays.begin(), report.Arrays.end(), [](const FileArray& a) { return a.Type == "half"; });
+  CheckSums(image, half, relations);
+  FrameFacts before;
+  const std::string fileBefore = FileBefore(file);
+  try
+  {
+    before = fileBefore.empty() ? before : ReadImageHeader(fileBefore).Facts;
+  }
+  catch (const StageError&)
+  {
+    before = FrameFacts(); // motion goes unchecked
+  }
+  // The frame before may have another origin: its matrix acts on this frame's positions.
+  const Vec3d shift = report.Facts.Origin - before.Origin;
+  for (int i = 0; i < 4; ++i)
+  {
+    double* row = before.WorldToNdc.m[i];
+    row[3] += row[0] * shift.x + row[1] * shift.y + row[2] * shift.z;
+  }
+  const bool previous = before.HasCamera && before.Tick == report.Facts.Tick - 1;
+  CheckGeometry(image, report, previous ? &before : nullptr, relations);
+  out["relations"] = nlohmann::json::array();
+  for (const Relation& r : relations)
+  {
+    char line[64];
+    std::snprintf(line, sizeof line, ": %.4g %% of %lld pixels", 100. * double(r.Kept) / double(r.Pixels),
+      static_cast<long long>(r.Pixels));
+    text += std::string(r.Holds() ? "  " : "  against the contract: ") + r.What + line + "\n";
+    out["relations"].push_back(
+      { { "what", r.What }, { "pixels", r.Pixels }, { "kept", r.Kept }, { "holds", r.Holds() } });
   }
   out["metadata"] = report.Metadata;
   for (const auto& m : report.Metadata)

@@ -115,3 +115,10 @@ quell(2 "no such file" run far/smooth.0005.exr --quiet)
 
 # Memory.
 quell(2 "--memory 0.001: the arrays need 13.8 kB, most of it in \"taa\" 9.2 kB, \"in\" 4.6 kB" run far/smooth.0005.exr --set in.File=far/smooth.0005.exr --memory 0.001)
+
+# What the arrays of a frame promise each other, and motion against the frame before.
+get_filename_component(data "${SCENE}" DIRECTORY)
+quell(0 "wrote 2 frames" run "${data}/../Pipelines/aov.xml" -D scene=${SCENE} -D width=48 -D height=32 -D frames=2 --out aov --quiet)
+quell(0 "  radiance = emission + direct + indirect: 100 % of 1536 pixels" inspect aov/out/aov.0001.exr)
+quell(0 "  position is seen in its own pixel (within 1.5): 100 %" inspect aov/out/aov.0001.exr)
+quell(0 "  motion is that of position under the camera of the frame before" inspect aov/out/aov.0001.exr)
