@@ -4,6 +4,7 @@
 #   ./bootstrap.sh test [ctest options]     build everything and run the whole test suite
 #   ./bootstrap.sh build                    build everything
 #   ./bootstrap.sh bench [NAME...]          measure (all, or those whose names begin so); build/bench.json
+#   ./bootstrap.sh report filters           bias and variance of every filter over many seeds; Documentation/filters.md
 set -euo pipefail
 top=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 build=${QUELL_BUILD_DIR:-$top/build}
@@ -13,7 +14,7 @@ packages=(g++ cmake ninja-build ccache
   libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
-usage() { sed -n '3,6s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
+usage() { sed -n '3,7s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
 
 install_missing() {
   local missing=() p
@@ -66,10 +67,16 @@ case $command in
     install_missing; configure; compile
     cd "$build" && exec ctest --output-on-failure -j "$(nproc)" "$@" ;;
   bench)
+    packages+=(libopencv-dev libopencv-contrib-dev) # only to compare with
     install_missing; configure
     cmake -B "$build" -DQUELL_BENCHMARKS=ON >"$build/configure.log" 2>&1 || { tail -n 30 "$build/configure.log" >&2; exit 1; }
     compile quell-bench
     exec "$build/bin/quell-bench" --json "$build/bench.json" "$@" ;;
+  report)
+    [ $# -ge 1 ] && [ "$1" = filters ] || usage
+    shift
+    install_missing; configure; compile quell-filter-report
+    exec "$build/bin/quell-filter-report" "$top" "$@" ;;
   *)
     say "unknown command \"$command\""; usage ;;
 esac

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkQuellStage.h"
 
+#include "quellPixelMemory.h"
 #include "vtkDataArray.h"
 #include "vtkExecutive.h"
 #include "vtkFieldData.h"
@@ -688,8 +689,11 @@ ImageOut StageFrame::AddOutput(const std::string& name, int components)
   auto array = vtkSmartPointer<vtkFloatArray>::New();
   array->SetName(name.c_str());
   array->SetNumberOfComponents(components);
-  array->SetNumberOfTuples(this->OutputRegion.area());
-  std::memset(array->GetPointer(0), 0, size_t(this->OutputRegion.area()) * components * sizeof(float));
+  const std::size_t count = std::size_t(this->OutputRegion.area()) * std::size_t(components);
+  array->SetArray(TakePixelMemory(count), vtkIdType(count), 0, vtkFloatArray::VTK_DATA_ARRAY_USER_DEFINED);
+  array->SetArrayFreeFunction([](void* memory) { GivePixelMemory(memory); });
+  if (!this->Stage->FillsOutputs())
+    std::memset(array->GetPointer(0), 0, count * sizeof(float));
   this->OutputImage->GetPointData()->AddArray(array);
   return this->Views[name] = ImageOut(array->GetPointer(0), components, this->OutputRegion);
 }

@@ -188,6 +188,10 @@ public:
   /// and sizes are not compared.
   virtual bool AllowsOtherExtent(int port) const;
 
+  /// Promises that Execute writes every component of every pixel of every output it makes; then outputs are not cleared
+  /// before.
+  virtual bool FillsOutputs() const { return false; }
+
   /// Largest part, in [0, 1], that what comes in through `port` keeps in the outputs while the other inputs share the
   /// rest: how fast a loop through this stage forgets. 1 - alpha for the history that is mixed with weight alpha; 1,
   /// the default, is right for filters (the past passes them whole) and the safe answer of a stage that does not know.
@@ -282,7 +286,8 @@ public:
   /// Is this output array wanted in this pass?
   bool Wants(const std::string& name) const { return this->Wanted.count(name) != 0; }
   const ArraySet& WantedArrays() const { return this->Wanted; }
-  /// The view to fill, over Region(); an absent view when it is not wanted. Contents start at zero.
+  /// The view to fill, over Region(); an absent view when it is not wanted. Contents start at zero, unless the stage
+  /// promised to fill them.
   ImageOut Output(const std::string& name);
   ImageOut Output(
     const std::string& name) const; ///< inside ExecuteTile: only arrays made before (all described ones are)

@@ -6,6 +6,8 @@
 #include "vtkQuellStage.h"
 
 #include <atomic>
+#include <memory>
+#include <new>
 
 namespace quell
 {
@@ -23,7 +25,7 @@ private:
 };
 
 /// Uninitialised floats that grow and are kept: fresh memory costs more than a filter pass (its pages are touched
-/// twice).
+/// twice). They begin at 64 bytes, the widest vector.
 class VTKQUELLDENOISING_EXPORT Scratch
 {
 public:
@@ -31,14 +33,18 @@ public:
   {
     if (count > this->Size)
     {
-      this->Data.reset(new float[count]);
+      this->Data.reset(static_cast<float*>(::operator new(count * sizeof(float), std::align_val_t(64))));
       this->Size = count;
     }
     return this->Data.get();
   }
 
 private:
-  std::unique_ptr<float[]> Data;
+  struct Free
+  {
+    void operator()(float* data) const { ::operator delete(data, std::align_val_t(64)); }
+  };
+  std::unique_ptr<float[], Free> Data;
   std::size_t Size = 0;
 };
 }

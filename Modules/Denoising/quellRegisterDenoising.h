@@ -7,7 +7,7 @@
 
 namespace quell
 {
-/// Adds ATrousFilter, AlbedoDemodulate, AlbedoModulate, AovSplit, BilateralFilter, FireflyClamp, Sum, VarianceEstimate.
+/// Adds every stage of this module that is not a base class.
 VTKQUELLDENOISING_EXPORT void RegisterDenoisingStages(StageRegistry& registry);
 }
 

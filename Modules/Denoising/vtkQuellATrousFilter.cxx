@@ -20,7 +20,7 @@ enum Ports
   Normal,
   Id
 };
-constexpr int RowsPerTask = 16;
+constexpr int RowsPerTask = 16, RowsPerPassTask = 48;
 }
 
 void vtkQuellATrousFilter::Describe(quell::StageDescription& d)
@@ -88,28 +88,10 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   const quell::Rect read = regions[0];
 
   quell::ATrousPass pass;
-  quell::PlaneLayout& layout = pass.guides.layout;
-  layout = quell::PlaneLayout(read, std::max(1, passes ? 2 << (passes - 1) : 1));
-  float* next = this->Planes.Take(layout.size() * 17);
-  const auto plane = [&next, &layout](bool used)
-  {
-    float* p = used ? next : nullptr;
-    next += used ? layout.size() : 0;
-    return p;
-  };
-  pass.guides.depth = plane(true);
-  pass.guides.slopeX = plane(true);
-  pass.guides.slopeY = plane(true);
-  for (float*& p : pass.guides.normal)
-    p = plane(bool(normal));
-  pass.guides.id = plane(bool(id));
-  for (quell::ColorPlanes* planes : { &pass.in, &pass.out })
-  {
-    for (float*& p : planes->color)
-      p = plane(true);
-    planes->luminance = plane(true);
-    planes->variance = plane(bool(variance));
-  }
+  this->Planes.Begin(read, std::max(1, passes ? 2 << (passes - 1) : 1), 10, depth, normal, id);
+  pass.in = this->Planes.TakeColor(true, true, bool(variance));
+  pass.out = this->Planes.TakeColor(true, true, bool(variance));
+  pass.guides = this->Planes.Guides;
   pass.sigmaDepth = float(this->SigmaDepth);
   pass.sigmaNormal = float(this->SigmaNormal);
   pass.sigmaLuminance = float(this->SigmaLuminance);
@@ -122,14 +104,12 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
     this->ForEachTile(
       { 0, r.y0, 1, r.y1 }, RowsPerTask, [&body](const quell::Rect& strip) { body(strip.y0, strip.y1); });
   };
-  rows(read,
+  this->Planes.Fill(rows,
     [&](int y0, int y1)
     {
-      quell::CopyGuides(depth, normal, id, pass.guides, y0, y1);
       this->NonFinite.Add(quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, region));
-      quell::ClearPadding(layout, pass.out, y0, y1);
+      quell::ClearPadding(pass.guides.layout, pass.out, y0, y1);
     });
-  rows(read, [&](int y0, int y1) { quell::CopySlopes(pass.guides, y0, y1); });
 
   const auto store = [&](const quell::ImageOut& toColor, const quell::ImageOut& toVariance)
   {
@@ -147,18 +127,16 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
     pass.step = 1 << k;
     pass.fixedSigma = float(std::ldexp(this->SigmaColor, -k));
     const quell::Rect made = regions[k + 1];
-    // A task takes every step-th row, so that the five rows of a pixel's taps stay in the cache for the next row.
-    const int tasksPerPhase = (made.height() + pass.step * RowsPerTask - 1) / (pass.step * RowsPerTask);
+    // A task takes every step-th row: rows whose taps lie on each other's rows share work and cache.
+    const int tasksPerPhase = (made.height() + pass.step * RowsPerPassTask - 1) / (pass.step * RowsPerPassTask);
     this->ForEachTile({ 0, 0, pass.step * tasksPerPhase, 1 }, 1,
       [&](const quell::Rect& task)
       {
-        const int phase = task.x0 / tasksPerPhase, first = task.x0 % tasksPerPhase * RowsPerTask;
-        for (int i = first; i < first + RowsPerTask; ++i)
-        {
-          const int y = made.y0 + phase + i * pass.step;
-          if (y < made.y1)
-            quell::ATrousRow(pass, y, made.x0, made.x1);
-        }
+        const int phase = task.x0 / tasksPerPhase, first = task.x0 % tasksPerPhase * RowsPerPassTask;
+        const int y = made.y0 + phase + first * pass.step;
+        const int count = std::min(RowsPerPassTask, (made.y1 - y + pass.step - 1) / pass.step);
+        if (count > 0)
+          quell::ATrousRows(pass, y, count, made.x0, made.x1);
       });
     this->Counters.Taps += made.area() * 25;
     std::swap(pass.in, pass.out);

@@ -16,7 +16,7 @@
 #ifndef vtkQuellATrousFilter_h
 #define vtkQuellATrousFilter_h
 
-#include "quellPixelCount.h"
+#include "quellGuidedPlanes.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
 
@@ -46,7 +46,7 @@ public:
   vtkGetMacro(SigmaColor, double);
   ///@}
   ///@{ After which pass output feedback is taken, default 1, range [0, 10]; 0: the input; more than Iterations: the
-  ///result.
+  /// result.
   vtkSetClampMacro(FeedbackIteration, int, 0, 10);
   vtkGetMacro(FeedbackIteration, int);
   ///@}
@@ -60,6 +60,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  bool FillsOutputs() const override { return true; }
 
 protected:
   vtkQuellATrousFilter();
@@ -71,7 +72,7 @@ private:
   double SigmaDepth = 1, SigmaNormal = 128, SigmaLuminance = 4, SigmaColor = 1;
   double DepthEpsilon = 1e-4, LuminanceEpsilon = 1e-6;
   quell::PixelCount NonFinite;
-  quell::Scratch Planes;
+  quell::GuidedPlanes Planes;
 
   vtkQuellATrousFilter(const vtkQuellATrousFilter&) = delete;
   void operator=(const vtkQuellATrousFilter&) = delete;

@@ -25,6 +25,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  bool FillsOutputs() const override { return true; }
 
 protected:
   vtkQuellAlbedoDemodulate();

@@ -24,6 +24,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  bool FillsOutputs() const override { return true; }
 
 protected:
   vtkQuellAlbedoModulate();

@@ -4,7 +4,9 @@
 #include "quellBilateral.h"
 #include "vtkObjectFactory.h"
 
+#include <cctype>
 #include <cmath>
+#include <sstream>
 
 vtkStandardNewMacro(vtkQuellBilateralFilter);
 QUELL_STAGE_DESCRIPTION(vtkQuellBilateralFilter)
@@ -18,9 +20,71 @@ enum Ports
   Normal,
   Albedo,
   Position,
-  Id
+  Id,
+  Guide,
+  GuideVariance
 };
-constexpr int LargestRadius = 64;
+constexpr int LargestRadius = 64, TileSize = 96;
+
+const std::vector<std::string> distances = { "Euclidean", "Color", "Normal", "Plane", "LogDepth", "Id" };
+
+quell::ArrayKind KindOf(const std::string& array)
+{
+  const quell::ArrayType* type = quell::FindArray(array);
+  return type ? type->Kind : quell::ArrayKind::Any;
+}
+
+quell::GuideDistance UsualDistance(const std::string& array)
+{
+  switch (KindOf(array))
+  {
+    case quell::ArrayKind::Color:
+      return quell::GuideDistance::Color;
+    case quell::ArrayKind::Normal:
+      return quell::GuideDistance::Normal;
+    case quell::ArrayKind::Position:
+      return quell::GuideDistance::Plane;
+    case quell::ArrayKind::Depth:
+      return quell::GuideDistance::LogDepth;
+    case quell::ArrayKind::Id:
+      return quell::GuideDistance::Id;
+    default:
+      return quell::GuideDistance::Euclidean;
+  }
+}
+
+double UsualSigma(quell::GuideDistance distance)
+{
+  switch (distance)
+  {
+    case quell::GuideDistance::Color:
+      return 0.5;
+    case quell::GuideDistance::Normal:
+      return 0.2;
+    case quell::GuideDistance::Plane:
+    case quell::GuideDistance::LogDepth:
+      return 0.05;
+    default:
+      return 0.1;
+  }
+}
+
+std::vector<std::string> Names(const std::string& text)
+{
+  std::istringstream in(text);
+  std::vector<std::string> names;
+  for (std::string name; in >> name;)
+    if (name != "radiance")
+      names.push_back(name);
+  return names;
+}
+
+std::string Lower(std::string text)
+{
+  for (char& c : text)
+    c = char(std::tolower((unsigned char)c));
+  return text;
+}
 }
 
 void vtkQuellBilateralFilter::Describe(quell::StageDescription& d)
@@ -36,9 +100,13 @@ void vtkQuellBilateralFilter::Describe(quell::StageDescription& d)
     "equal "
     "values pass; 1e30 removes its term. Taps outside the image, not finite, of another id or without a hit have "
     "weight 0; a "
-    "non-finite pixel becomes the weighted mean of its neighbours; background passes through. Sources: Tomasi and "
-    "Manduchi "
-    "1998; Petschnigg et al. 2004; Eisemann and Durand 2004.";
+    "non-finite pixel becomes the weighted mean of its neighbours; background passes through.\n\n"
+    "Every connection of `guide` adds a feature of its own: `distance=\"Euclidean | Color | Normal | Plane | LogDepth "
+    "| "
+    "Id\"` (default: what suits the array), `sigma` (default 0.1, 0.5, 0.2, 0.05, 0.05) and `name`. A `guideVariance` "
+    "with `guide=\"name\"` says how noisy that feature is: its term becomes `max(0, d^2 - (V(p) + min(V(p), V(q)))) / "
+    "(2 max(sigma^2, V(p)))`, V summed over the components. Arrays named in `Arrays` take the colour's weights. "
+    "Sources: Tomasi and Manduchi 1998; Petschnigg et al. 2004; Eisemann and Durand 2004; Rousselle et al. 2013.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "what is filtered; illumination rather than radiance");
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "guide");
   d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "guide");
@@ -46,6 +114,10 @@ void vtkQuellBilateralFilter::Describe(quell::StageDescription& d)
   d.OptionalInput("position", quell::ArrayKind::Position, "position",
     "with depth and normal: compares by plane distance instead of depth");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never mixes pixels of different ids");
+  d.RepeatableInput("guide", quell::ArrayKind::Any, "albedo", "a further feature; attributes distance, sigma, name");
+  d.RepeatableInput("guideVariance", quell::ArrayKind::Any, "varianceAlbedo",
+    "variance of a guide's mean value (1 component: averaged over its components); attribute guide: its name");
+  d.Inputs[Guide].Optional = d.Inputs[GuideVariance].Optional = true;
   d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
   QUELL_INT(d, Radius, "pixels", "half the window's side; -1: ceil(3 SigmaSpatial), at most 64; 0: identity");
   QUELL_DOUBLE(d, SigmaSpatial, "pixels", "standard deviation in distance; 0: identity");
@@ -55,6 +127,7 @@ void vtkQuellBilateralFilter::Describe(quell::StageDescription& d)
   QUELL_DOUBLE(d, SigmaNormal, "", "standard deviation of the length of the difference of normals");
   QUELL_DOUBLE(d, SigmaDepth, "", "standard deviation of depth or plane distance, relative to depth");
   QUELL_DOUBLE(d, SigmaAlbedo, "", "standard deviation of the albedo difference");
+  QUELL_STRING(d, Arrays, "further arrays of the first input that take the colour's weights, by blanks: alpha");
 }
 
 vtkQuellBilateralFilter::vtkQuellBilateralFilter()
@@ -69,29 +142,151 @@ int vtkQuellBilateralFilter::EffectiveRadius() const
   return int(std::min(double(LargestRadius), std::ceil(3 * this->SigmaSpatial)));
 }
 
+void vtkQuellBilateralFilter::SetArrays(const std::string& names)
+{
+  if (names == this->Arrays)
+    return;
+  this->Arrays = names;
+  this->Modified();
+}
+
+bool vtkQuellBilateralFilter::SetInputAttribute(
+  int port, int connection, const std::string& name, const std::string& value, std::string& error)
+{
+  GuideSettings now = this->Settings[{ port, connection }];
+  if ((port == Guide && name == "name") || (port == GuideVariance && name == "guide"))
+    now.Name = value;
+  else if (port == Guide && name == "sigma")
+  {
+    if (!quell::detail::ParseDouble(value, 0, 1e30, now.Sigma, error))
+    {
+      error = "sigma = " + error;
+      return false;
+    }
+  }
+  else if (port == Guide && name == "distance")
+  {
+    now.Distance = -1;
+    for (std::size_t k = 0; k < distances.size(); ++k)
+      if (Lower(distances[k]) == Lower(value))
+        now.Distance = int(k);
+    if (now.Distance < 0)
+    {
+      error = "distance = \"" + value + "\" is none of";
+      for (const std::string& d : distances)
+        error += (d == distances.front() ? " " : ", ") + d;
+      return false;
+    }
+  }
+  else
+    return this->vtkQuellStage::SetInputAttribute(port, connection, name, value, error);
+  GuideSettings& old = this->Settings[{ port, connection }];
+  if (old.Name != now.Name || old.Sigma != now.Sigma || old.Distance != now.Distance)
+  {
+    old = now;
+    this->Modified();
+  }
+  return true;
+}
+
+bool vtkQuellBilateralFilter::Makes(const std::string& array) const
+{
+  if (this->vtkQuellStage::Makes(array))
+    return true;
+  for (const std::string& name : Names(this->Arrays))
+    if (name == array)
+      return true;
+  return false;
+}
+
+void vtkQuellBilateralFilter::CheckSettings()
+{
+  for (const std::string& name : Names(this->Arrays))
+    if (KindOf(name) == quell::ArrayKind::Id || KindOf(name) == quell::ArrayKind::Moments ||
+        KindOf(name) == quell::ArrayKind::Depth)
+      throw quell::StageError("Arrays: \"" + name + "\" has no weighted mean (" + quell::KindDoc(KindOf(name)) + ")");
+}
+
 int vtkQuellBilateralFilter::HaloFor(int) const
 {
-  return std::max(1, this->EffectiveRadius()); // 1: a non-finite pixel is filled from its neighbours
+  // A non-finite pixel is filled from its neighbours; so is a carried value, which may be a tap.
+  return Names(this->Arrays).empty() ? std::max(1, this->EffectiveRadius()) : this->EffectiveRadius() + 1;
 }
 
 void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
 {
-  this->NonFinite.Reset();
-  this->Superclass::Execute(frame);
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
-  const std::int64_t side = 2 * this->EffectiveRadius() + 1;
-  this->Counters.Taps += frame.Region().area() * side * side;
-}
-
-void vtkQuellBilateralFilter::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
-{
+  this->CheckSettings();
   quell::BilateralInputs in;
+  quell::BilateralOutputs out;
   in.radiance = frame.Input(Radiance);
   in.depth = frame.Input(Depth);
   in.normal = frame.Input(Normal);
   in.albedo = frame.Input(Albedo);
   in.position = frame.Input(Position);
   in.id = frame.Input(Id);
+  out.radiance = frame.Output("radiance");
+
+  if (frame.Connections(Guide) > quell::BilateralInputs::MostGuides)
+    throw quell::StageError(
+      "more than " + std::to_string(quell::BilateralInputs::MostGuides) + " connections of \"guide\"");
+  std::vector<std::string> names;
+  for (int c = 0; c < frame.Connections(Guide); ++c)
+  {
+    const GuideSettings settings = this->Settings[{ Guide, c }];
+    const std::string& array = this->GetInputArray(Guide, c);
+    names.push_back(settings.Name.empty() ? array : settings.Name);
+    quell::BilateralGuide& g = in.guides[in.guideCount++];
+    g.value = frame.Input(Guide, c);
+    g.distance = settings.Distance < 0 ? UsualDistance(array) : quell::GuideDistance(settings.Distance);
+    if (settings.Distance < 0 && g.distance == quell::GuideDistance::Plane && !in.normal)
+      g.distance = quell::GuideDistance::Euclidean;
+    g.sigma = settings.Sigma < 0 ? UsualSigma(g.distance) : settings.Sigma;
+    const int n = g.value.components;
+    const bool vector = g.distance == quell::GuideDistance::Color || g.distance == quell::GuideDistance::Normal ||
+                        g.distance == quell::GuideDistance::Plane;
+    if (n > 3 || (vector && n != 3) || (g.distance == quell::GuideDistance::LogDepth && n != 1))
+      throw quell::StageError("guide \"" + names.back() + "\" has " + std::to_string(n) +
+                              " components, which distance " + distances[std::size_t(g.distance)] + " cannot compare");
+    if (g.distance == quell::GuideDistance::Plane && !in.normal)
+      throw quell::StageError("guide \"" + names.back() + "\": plane distance needs input \"normal\"");
+  }
+  for (int c = 0; c < frame.Connections(GuideVariance); ++c)
+  {
+    std::string name = this->Settings[{ GuideVariance, c }].Name;
+    const std::string& array = this->GetInputArray(GuideVariance, c);
+    int index = name.empty() && names.size() == 1 ? 0 : -1;
+    for (std::size_t k = 0; k < names.size(); ++k)
+      if (names[k] == name || (name.empty() && Lower(array) == "variance" + Lower(names[k])))
+        index = int(k);
+    if (index < 0)
+      throw quell::StageError(name.empty()
+                                ? "guideVariance \"" + array + "\" does not say of which guide (guide=\"name\")"
+                                : "guideVariance \"" + array + "\": there is no guide \"" + name + "\"");
+    quell::BilateralGuide& g = in.guides[index];
+    g.variance = frame.Input(GuideVariance, c);
+    if (g.variance.components != 1 && g.variance.components != g.value.components)
+      throw quell::StageError("guideVariance \"" + array + "\" has " + std::to_string(g.variance.components) +
+                              " components, guide \"" + names[std::size_t(index)] + "\" has " +
+                              std::to_string(g.value.components));
+    if (g.distance != quell::GuideDistance::Euclidean && g.distance != quell::GuideDistance::Color &&
+        g.distance != quell::GuideDistance::Normal)
+      throw quell::StageError("guide \"" + names[std::size_t(index)] + "\": distance " +
+                              distances[std::size_t(g.distance)] + " takes no variance");
+  }
+  int components = 0;
+  for (const std::string& name : Names(this->Arrays))
+  {
+    if (!frame.Wants(name))
+      continue;
+    const quell::ImageIn image = frame.InputArray(Radiance, 0, name);
+    components += image.components;
+    if (components > quell::BilateralInputs::MostCarriedComponents)
+      throw quell::StageError(
+        "Arrays: more than " + std::to_string(quell::BilateralInputs::MostCarriedComponents) + " components together");
+    in.carried[in.carriedCount] = image;
+    out.carried[in.carriedCount++] = frame.AddOutput(name, image.components);
+  }
+
   quell::BilateralParameters p;
   p.radius = this->EffectiveRadius();
   p.sigmaSpatial = this->SigmaSpatial;
@@ -100,7 +295,14 @@ void vtkQuellBilateralFilter::ExecuteTile(const quell::StageFrame& frame, const 
   p.sigmaNormal = this->SigmaNormal;
   p.sigmaDepth = this->SigmaDepth;
   p.sigmaAlbedo = this->SigmaAlbedo;
-  static thread_local quell::Scratch scratch;
-  this->NonFinite.Add(
-    quell::Bilateral(in, p, frame.Output("radiance"), tile, scratch.Take(quell::BilateralScratch(in, p, tile))));
+  this->NonFinite.Reset();
+  this->ForEachTile(frame.Region(), TileSize,
+    [&](const quell::Rect& tile)
+    {
+      static thread_local quell::Scratch scratch;
+      this->NonFinite.Add(quell::Bilateral(in, p, out, tile, scratch.Take(quell::BilateralScratch(in, p, tile))));
+    });
+  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  const std::int64_t side = 2 * this->EffectiveRadius() + 1;
+  this->Counters.Taps += frame.Region().area() * side * side;
 }

@@ -5,10 +5,21 @@
  *
  * Weighted mean over (2 Radius + 1)^2 pixels, Gaussian in distance, colour (range) and every connected guide, one exp
  * per tap; formula, border and non-finite rule in quellBilateral.h. Inputs: radiance (port 0); optional depth, normal,
- * albedo, position, id. Outputs: radiance. A sigma of 0 lets only equal values pass, 1e30 removes the term.
+ * albedo, position, id with a sigma each; and guide, repeatable, for any list of features. In XML
  *
- * Colour alone is a poor guide on raw path-traced input, where a firefly resembles only itself: clamp first, filter
- * illumination, connect guides and raise SigmaRange.
+ *     <input port="guide" from="pt:roughness" sigma="0.1"/>
+ *     <input port="guide" from="pt:albedo" distance="Euclidean" sigma="0.1" name="a"/>
+ *     <input port="guideVariance" from="pt:varianceAlbedo" guide="a"/>
+ *
+ * `distance` is Euclidean, Color (in the space Range), Normal, Plane (positions; needs normal), LogDepth or Id; without
+ * it, what suits the array's name. A guideVariance tells the variance of the noise in the guide whose `name` (by
+ * default the name of its array) it gives; with a single guide that may be left out. Outputs: radiance and, with the
+ * same weights, the arrays of the first input that Arrays names (alpha). A sigma of 0 lets only equal values pass, 1e30
+ * removes the term. Energy: not kept; noise-free guides keep edges, the range term is biased towards dark.
+ *
+ * Cost: (2 Radius + 1)^2 taps; without planes and noisy guides and up to a radius of 8 each weight serves both of its
+ * pixels. Colour alone is a poor guide on raw path-traced input, where a firefly resembles only itself: clamp first,
+ * filter illumination, connect guides and raise SigmaRange.
  */
 #ifndef vtkQuellBilateralFilter_h
 #define vtkQuellBilateralFilter_h
@@ -16,6 +27,9 @@
 #include "quellPixelCount.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
+
+#include <map>
+#include <utility>
 
 class VTKQUELLDENOISING_EXPORT vtkQuellBilateralFilter : public vtkQuellStage
 {
@@ -51,21 +65,39 @@ public:
   vtkGetMacro(SigmaAlbedo, double);
   ///@}
 
+  ///@{ Names of further arrays of the first input that take the colour's weights, by blanks; 4 components together.
+  void SetArrays(const std::string& names);
+  const std::string& GetArrays() const { return this->Arrays; }
+  ///@}
+
   int HaloFor(int port) const override;
+  bool FillsOutputs() const override { return true; }
+  bool Makes(const std::string& array) const override;
+  void CheckSettings() override;
+  /// `name`, `distance` and `sigma` of a guide; `guide` of a guideVariance.
+  bool SetInputAttribute(
+    int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
 
 protected:
   vtkQuellBilateralFilter();
   ~vtkQuellBilateralFilter() override = default;
   void Execute(quell::StageFrame& frame) override;
-  void ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const override;
 
 private:
   int EffectiveRadius() const;
+  struct GuideSettings
+  {
+    std::string Name;  ///< of a guide, or of the guide whose variance it is; empty: the array's
+    int Distance = -1; ///< quell::GuideDistance; -1: what suits the array
+    double Sigma = -1; ///< -1: what suits the distance
+  };
 
   int Radius = -1;
   double SigmaSpatial = 2, SigmaRange = 0.5;
   int Range = 1;
   double SigmaNormal = 0.2, SigmaDepth = 0.05, SigmaAlbedo = 0.1;
+  std::string Arrays;
+  std::map<std::pair<int, int>, GuideSettings> Settings; ///< by port and connection
   quell::PixelCount NonFinite;
 
   vtkQuellBilateralFilter(const vtkQuellBilateralFilter&) = delete;

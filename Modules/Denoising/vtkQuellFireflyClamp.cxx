@@ -4,25 +4,40 @@
 #include "quellFireflyClamp.h"
 #include "vtkObjectFactory.h"
 
-#include <cstdio>
-
 vtkStandardNewMacro(vtkQuellFireflyClamp);
 QUELL_STAGE_DESCRIPTION(vtkQuellFireflyClamp)
+
+namespace
+{
+enum Ports
+{
+  Radiance,
+  Count
+};
+}
 
 void vtkQuellFireflyClamp::Describe(quell::StageDescription& d)
 {
   using Self = vtkQuellFireflyClamp;
   d.Category = "Denoising";
-  d.Brief = "Shortens colours longer than a threshold and keeps what it took in a residual.";
+  d.Brief = "Shortens colours larger than a threshold and keeps what it took in a residual.";
   d.Details =
-    "Where the Euclidean length of RGB exceeds `Threshold`, the colour is scaled to that length, so its hue stays. "
-    "`radiance + residual` is the input exactly, in every channel. Biased: energy is removed, and reported. "
-    "A non-finite pixel is replaced by the mean of its finite neighbours (0 if there are none), clamped in turn; "
-    "its residual is 0. Source: Bikker, Advanced Graphics, lecture 15, `if dot(E,E) > 25: E = 5 E / |E|`.";
+    "Where the size of the colour (`Measure`) exceeds `Threshold`, the colour is scaled to that size, so its hue "
+    "stays. `radiance + residual` is the input exactly, in every channel. With `count`, the frames or samples "
+    "accumulated so far, the threshold is `Threshold count^Growth`: the bias of what is accumulated after the clamp "
+    "vanishes with the count, while one outlier adds at most `Threshold count^(Growth - 1)` to the mean. Biased: "
+    "energy is removed, and reported. A non-finite pixel is replaced by the mean of its finite neighbours (0 if "
+    "there are none), clamped in turn; its residual is 0. Source: Bikker, Advanced Graphics, lecture 15, `if "
+    "dot(E,E) > 25: E = 5 E / |E|` (Length); Lighthouse 2 and pbrt (Maximum).";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the layer");
-  d.Output("radiance", quell::ArrayKind::Color, "the layer, no colour longer than Threshold");
+  d.OptionalInput("count", quell::ArrayKind::History, "history", "frames accumulated so far; raises the threshold");
+  d.Output("radiance", quell::ArrayKind::Color, "the layer, no colour larger than the threshold");
   d.Output("residual", quell::ArrayKind::Color, "input minus radiance");
-  QUELL_DOUBLE(d, Threshold, "", "longest colour that stays, in the input's unit; 1e30: off");
+  QUELL_DOUBLE(d, Threshold, "", "largest colour that stays, in the input's unit; 1e30: off");
+  QUELL_ENUM(d, Measure,
+    "how large a colour is: the Euclidean length of RGB, its luminance, or its largest channel (magnitudes)", "Length",
+    "Luminance", "Maximum");
+  QUELL_DOUBLE(d, Growth, "", "exponent of `count` in the threshold; 0: the threshold stays");
 }
 
 vtkQuellFireflyClamp::vtkQuellFireflyClamp()
@@ -37,36 +52,20 @@ int vtkQuellFireflyClamp::HaloFor(int) const
 
 void vtkQuellFireflyClamp::Execute(quell::StageFrame& frame)
 {
-  const quell::ImageIn in = frame.Input(0);
+  const quell::ImageIn in = frame.Input(Radiance), count = frame.Input(Count);
   const quell::ImageOut filtered = frame.Output("radiance"), residual = frame.Output("residual");
-  const quell::Rect region = frame.Region();
-  // One ledger per row, added in order: the energies have the same bits for any number of threads.
-  std::vector<quell::ClampLedger> rows(region.height());
-  this->ForEachTile({ 0, region.y0, 1, region.y1 }, 16,
-    [&](const quell::Rect& strip)
-    {
-      for (int y = strip.y0; y < strip.y1; ++y)
-        rows[y - region.y0] =
-          quell::FireflyClamp(in, float(this->Threshold), filtered, residual, { region.x0, y, region.x1, y + 1 });
-    });
-  quell::ClampLedger sum;
-  for (const quell::ClampLedger& row : rows)
-    sum += row;
-  this->Pixels = region.area();
-  this->ClampedPixels = sum.Clamped;
-  this->EnergyIn = sum.EnergyIn;
-  this->EnergyRemoved = sum.EnergyRemoved;
+  const quell::FireflyClampParameters p{ float(this->Threshold), quell::ClampMeasure(this->Measure),
+    float(this->Growth) };
+  this->Ledger.Run(
+    frame.Region(),
+    [this](const quell::Rect& rows, auto&& body) { this->ForEachTile(rows, quell::EnergyLedger::RowsPerStrip, body); },
+    [&](const quell::Rect& strip) { return quell::FireflyClamp(in, count, p, filtered, residual, strip); });
   quell::PixelCount bad;
-  bad.Add(sum.NonFinite);
+  bad.Add(this->Ledger.Total().NonFinite);
   bad.Report(this->Counters, this->Warnings, "radiance");
 }
 
 std::string vtkQuellFireflyClamp::GetReport() const
 {
-  if (this->Pixels == 0)
-    return std::string();
-  char text[160];
-  std::snprintf(text, sizeof text, "clamped %lld of %lld pixels, removed %.3g %% of the energy", this->ClampedPixels,
-    this->Pixels, this->EnergyIn > 0 ? 100 * this->EnergyRemoved / this->EnergyIn : 0.);
-  return text;
+  return this->Ledger.Text();
 }

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /**
  * @class   vtkQuellFireflyClamp
- * @brief   shortens colours longer than a threshold and keeps the rest as a ledger
+ * @brief   shortens colours larger than a threshold and keeps the rest as a ledger
  *
- * |E| > Threshold -> E Threshold / |E|, with |E| the Euclidean length of RGB, see quellFireflyClamp.h. Input: radiance
- * (port 0). Outputs: radiance, residual; radiance + residual is the input, exactly, channel by channel. Biased: it
+ * m(E) > t -> E t / m(E), with m the Euclidean length of RGB, the luminance or the largest channel, see
+ * quellFireflyClamp.h. Inputs: radiance (port 0); optional count (frames accumulated so far), which raises the
+ * threshold. Outputs: radiance, residual; radiance + residual is the input, exactly, channel by channel. Biased: it
  * removes energy, and says how much (GetReport).
  */
 #ifndef vtkQuellFireflyClamp_h
 #define vtkQuellFireflyClamp_h
 
+#include "quellEnergyLedger.h"
 #include "quellPixelCount.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
@@ -19,15 +21,23 @@ class VTKQUELLDENOISING_EXPORT vtkQuellFireflyClamp : public vtkQuellStage
 public:
   QUELL_STAGE(vtkQuellFireflyClamp);
 
-  ///@{ Longest colour that stays, default 5, range [0, 1e30], in the input's unit. 0: black; 1e30: off.
+  ///@{ Largest colour that stays, default 5, range [0, 1e30], in the input's unit. 0: black; 1e30: off.
   vtkSetClampMacro(Threshold, double, 0., 1e30);
   vtkGetMacro(Threshold, double);
   ///@}
+  ///@{ How large a colour is: Length (0, default), Luminance (1), Maximum (2); a quell::ClampMeasure.
+  vtkSetClampMacro(Measure, int, 0, 2);
+  vtkGetMacro(Measure, int);
+  ///@}
+  ///@{ Exponent of `count` in the threshold, default 0.5, range [0, 1]. Only with that input.
+  vtkSetClampMacro(Growth, double, 0., 1.);
+  vtkGetMacro(Growth, double);
+  ///@}
 
   ///@{ Of the last execution: pixels shortened, and luminance summed over the region before and taken away.
-  long long GetClampedPixels() const { return this->ClampedPixels; }
-  double GetEnergyIn() const { return this->EnergyIn; }
-  double GetEnergyRemoved() const { return this->EnergyRemoved; }
+  long long GetClampedPixels() const { return this->Ledger.Total().Clamped; }
+  double GetEnergyIn() const { return this->Ledger.Total().EnergyIn; }
+  double GetEnergyRemoved() const { return this->Ledger.Total().EnergyRemoved; }
   ///@}
   std::string GetReport() const override;
 
@@ -39,9 +49,9 @@ protected:
   void Execute(quell::StageFrame& frame) override;
 
 private:
-  double Threshold = 5;
-  long long ClampedPixels = 0, Pixels = 0;
-  double EnergyIn = 0, EnergyRemoved = 0;
+  double Threshold = 5, Growth = 0.5;
+  int Measure = 0;
+  quell::EnergyLedger Ledger;
 
   vtkQuellFireflyClamp(const vtkQuellFireflyClamp&) = delete;
   void operator=(const vtkQuellFireflyClamp&) = delete;

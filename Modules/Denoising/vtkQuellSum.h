@@ -20,6 +20,7 @@ public:
   QUELL_STAGE(vtkQuellSum);
 
   int HaloFor(int port) const override;
+  bool FillsOutputs() const override { return true; }
 
 protected:
   vtkQuellSum();

@@ -75,31 +75,14 @@ void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
   const quell::ImageOut colorOut = frame.Output("radiance");
 
   quell::VariancePass pass;
-  quell::PlaneLayout& layout = pass.guides.layout;
-  layout = quell::PlaneLayout(read, quell::VariancePass::Radius);
   const bool temporal = bool(moments) || bool(length);
-  float* next = this->Planes.Take(layout.size() * 19);
-  const auto plane = [&next, &layout](bool used)
-  {
-    float* p = used ? next : nullptr;
-    next += used ? layout.size() : 0;
-    return p;
-  };
-  pass.guides.depth = plane(true);
-  pass.guides.slopeX = plane(true);
-  pass.guides.slopeY = plane(true);
-  for (float*& p : pass.guides.normal)
-    p = plane(bool(normal));
-  pass.guides.id = plane(bool(id));
-  for (float*& p : pass.in.color)
-    p = plane(true);
-  pass.in.luminance = plane(true);
-  for (float*& p : pass.out.color)
-    p = plane(bool(colorOut));
-  pass.out.variance = plane(true);
-  pass.moments.mean = plane(bool(moments));
-  pass.moments.central = plane(bool(moments));
-  pass.moments.history = plane(temporal);
+  this->Planes.Begin(read, quell::VariancePass::Radius, 12, depth, normal, id);
+  pass.in = this->Planes.TakeColor(true, true, false);
+  pass.out = this->Planes.TakeColor(bool(colorOut), false, true);
+  pass.moments.mean = this->Planes.Take(bool(moments));
+  pass.moments.central = this->Planes.Take(bool(moments));
+  pass.moments.history = this->Planes.Take(temporal);
+  pass.guides = this->Planes.Guides;
   pass.sigmaDepth = float(this->SigmaDepth);
   pass.sigmaNormal = float(this->SigmaNormal);
   pass.depthEpsilon = float(this->DepthEpsilon);
@@ -113,15 +96,13 @@ void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
     this->ForEachTile(
       { 0, r.y0, 1, r.y1 }, RowsPerTask, [&body](const quell::Rect& strip) { body(strip.y0, strip.y1); });
   };
-  rows(read,
+  this->Planes.Fill(rows,
     [&](int y0, int y1)
     {
-      quell::CopyGuides(depth, normal, id, pass.guides, y0, y1);
       this->NonFinite.Add(quell::CopyColor(color, quell::ImageIn(), pass.guides, pass.in, y0, y1, region));
       if (temporal)
-        quell::CopyMoments(moments, length, layout, pass.in, pass.moments, pass.minimumHistory, y0, y1);
+        quell::CopyMoments(moments, length, pass.guides.layout, pass.in, pass.moments, pass.minimumHistory, y0, y1);
     });
-  rows(read, [&](int y0, int y1) { quell::CopySlopes(pass.guides, y0, y1); });
   rows(region,
     [&](int y0, int y1)
     {

@@ -13,7 +13,7 @@
 #ifndef vtkQuellVarianceEstimate_h
 #define vtkQuellVarianceEstimate_h
 
-#include "quellPixelCount.h"
+#include "quellGuidedPlanes.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
 
@@ -23,12 +23,12 @@ public:
   QUELL_STAGE(vtkQuellVarianceEstimate);
 
   ///@{ Frames from which the moments are used, default 4, range [1, 64]; below, the estimate is raised by this over
-  ///length.
+  /// length.
   vtkSetClampMacro(MinimumHistory, int, 1, 64);
   vtkGetMacro(MinimumHistory, int);
   ///@}
   ///@{ Whose variance: Frame (0), of one frame's pixel as SVGF has it, or Mean (1), of the accumulated pixel: divided
-  ///by
+  /// by
   /// min(length, MaximumSamples).
   vtkSetClampMacro(VarianceOf, int, 0, 1);
   vtkGetMacro(VarianceOf, int);
@@ -51,6 +51,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  bool FillsOutputs() const override { return true; }
 
 protected:
   vtkQuellVarianceEstimate();
@@ -61,7 +62,7 @@ private:
   int MinimumHistory = 4, VarianceOf = 0;
   double MaximumSamples = 9, SigmaDepth = 1, SigmaNormal = 128, DepthEpsilon = 1e-4;
   quell::PixelCount NonFinite;
-  quell::Scratch Planes;
+  quell::GuidedPlanes Planes;
 
   vtkQuellVarianceEstimate(const vtkQuellVarianceEstimate&) = delete;
   void operator=(const vtkQuellVarianceEstimate&) = delete;

@@ -23,6 +23,24 @@ constexpr float ATrousKernel[5] = { 1 / 16.f, 1 / 4.f, 3 / 8.f, 1 / 4.f, 1 / 16.
 constexpr float DepthTiny = 1e-30f;   // keeps 0 / 0 out where depth and slope are both 0
 constexpr float LeastWeight = 1e-18f; // a smaller sum is no tap at all; its square is still a normal number
 
+/// The 12 directions of the taps above a pixel or right of it; the other 12 taps are their opposites.
+constexpr int Directions = 12;
+constexpr int DirectionX[Directions] = { 1, 2, -2, -1, 0, 1, 2, -2, -1, 0, 1, 2 };
+constexpr int DirectionY[Directions] = { 0, 0, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2 };
+constexpr int Chunk = 640;      // columns at a time: what rows share about them lies in the nearer caches
+constexpr int SharedReach = 64; // pixels that a pair may span horizontally to be computed once for both ends
+
+constexpr float DirectionWeight(int k) noexcept
+{
+  return ATrousKernel[DirectionX[k] + 2] * ATrousKernel[DirectionY[k] + 2];
+}
+
+/// The row of a tap; outside of the image the padding below, whose luminance says weight 0.
+int TapRow(const PlaneLayout& layout, int y) noexcept
+{
+  return y >= layout.extent.y0 && y < layout.extent.y1 ? y : layout.extent.y0 - 1;
+}
+
 enum class NormalWeight
 {
   None,
@@ -48,8 +66,106 @@ namespace quell
 {
 namespace HWY_NAMESPACE
 {
-template <NormalWeight Normals, bool HasId, bool HasVariance>
-void RowOf(const ATrousPass& a, int y, int x0, int x1)
+/// What the two pixels of a pair share, the same bits from either end: h wn, 0 between different ids. Of `count` pairs
+/// with one end from p on and the other from q on.
+template <NormalWeight Normals>
+void Affinity(const ATrousPass& a, std::ptrdiff_t p, std::ptrdiff_t q, float h, int count, float* HWY_RESTRICT out)
+{
+  const hn::ScalableTag<float> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = int(hn::Lanes(d));
+  const V one = hn::Set(d, 1.f), scale = hn::Set(d, h);
+  constexpr bool squares = Normals == NormalWeight::Squarings || Normals == NormalWeight::Power128;
+  const int squarings = Normals == NormalWeight::Power128 ? 7 : squares ? Squarings(a.sigmaNormal) : 0;
+  // Below this cosine its power is below 2^-120: counted as 0, before the squarings reach denormal numbers.
+  const V least = hn::Set(d, squares ? std::exp2(-120.f / a.sigmaNormal) : 0.f);
+  const V sigma = hn::Set(d, a.sigmaNormal);
+  const float *nx = a.guides.normal[0], *ny = a.guides.normal[1], *nz = a.guides.normal[2], *id = a.guides.id;
+  constexpr int N = 4; // vectors in step: their chains of dependent operations are independent of each other
+  for (int i = 0; i < count; i += N * lanes)
+  {
+    V c[N];
+    for (int j = 0; j < N; ++j)
+      c[j] = one;
+    if (Normals != NormalWeight::None)
+    {
+      for (int j = 0; j < N; ++j)
+        c[j] = hn::Mul(hn::LoadU(d, nx + p + i + j * lanes), hn::LoadU(d, nx + q + i + j * lanes));
+      for (int j = 0; j < N; ++j)
+        c[j] = hn::MulAdd(hn::LoadU(d, ny + p + i + j * lanes), hn::LoadU(d, ny + q + i + j * lanes), c[j]);
+      for (int j = 0; j < N; ++j)
+        c[j] = hn::MulAdd(hn::LoadU(d, nz + p + i + j * lanes), hn::LoadU(d, nz + q + i + j * lanes), c[j]);
+      for (int j = 0; j < N; ++j)
+        c[j] = hn::Min(c[j], one);
+      for (int j = 0; j < N; ++j)
+        c[j] = hn::IfThenElseZero(hn::Gt(c[j], least), c[j]);
+      if (squares)
+      {
+        for (int k = 0; k < squarings; ++k)
+          for (int j = 0; j < N; ++j)
+            c[j] = hn::Mul(c[j], c[j]);
+      }
+      else
+        for (int j = 0; j < N; ++j)
+        {
+          const auto forward = hn::Gt(c[j], hn::Zero(d));
+          const V e = hn::Mul(sigma, hn::Log2(d, hn::IfThenElse(forward, c[j], one)));
+          c[j] = hn::IfThenElseZero(forward, NegExp2(d, hn::Max(hn::Neg(e), hn::Zero(d))));
+        }
+    }
+    for (int j = 0; j < N; ++j)
+      c[j] = hn::Mul(scale, c[j]);
+    if (id)
+      for (int j = 0; j < N; ++j)
+        c[j] =
+          hn::IfThenElseZero(hn::Eq(hn::LoadU(d, id + p + i + j * lanes), hn::LoadU(d, id + q + i + j * lanes)), c[j]);
+    for (int j = 0; j < N; ++j)
+      hn::StoreU(c[j], d, out + i + j * lanes);
+  }
+}
+
+/// 1 / sL in units of log2(e) of `count` pixels from p on; 0 (wl = 1) where the centre is not valid.
+template <bool HasVariance>
+void Tolerances(const ATrousPass& a, std::ptrdiff_t p, int count, float* HWY_RESTRICT out)
+{
+  const hn::ScalableTag<float> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = int(hn::Lanes(d));
+  const std::ptrdiff_t stride = a.guides.layout.stride;
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.f), two = hn::Set(d, 2.f), log2e = hn::Set(d, Log2E);
+  const V inf = hn::Set(d, std::numeric_limits<float>::infinity());
+  for (int i = 0; i < count; i += lanes)
+  {
+    const V lumIn = hn::LoadU(d, a.in.luminance + p + i);
+    const auto valid = hn::Lt(lumIn, inf);
+    V sigma = hn::Set(d, a.fixedSigma);
+    if (HasVariance)
+    {
+      V sum[3], weight[3];
+      for (int dy = 0; dy < 3; ++dy)
+      {
+        const float* HWY_RESTRICT row = a.in.variance + p + i + (dy - 1) * stride;
+        const V v0 = hn::LoadU(d, row - 1), v1 = hn::LoadU(d, row), v2 = hn::LoadU(d, row + 1);
+        sum[dy] = hn::MulAdd(two, hn::Max(v1, zero), hn::Add(hn::Max(v0, zero), hn::Max(v2, zero)));
+        weight[dy] = hn::Add(hn::IfThenElseZero(hn::Ge(v1, zero), two),
+          hn::Add(hn::IfThenElseZero(hn::Ge(v0, zero), one), hn::IfThenElseZero(hn::Ge(v2, zero), one)));
+      }
+      const V total = hn::MulAdd(two, sum[1], hn::Add(sum[0], sum[2]));
+      const V weights = hn::MulAdd(two, weight[1], hn::Add(weight[0], weight[2]));
+      // No tap at all: the variance is unknown, 0.
+      const V mean = hn::IfThenElseZero(hn::Gt(weights, zero), hn::Div(total, weights));
+      sigma = hn::Mul(hn::Set(d, a.sigmaLuminance), hn::Sqrt(mean));
+    }
+    const V l = hn::IfThenElseZero(valid, lumIn);
+    sigma = hn::MulAdd(hn::Set(d, a.luminanceEpsilon), hn::Add(one, hn::Abs(l)), sigma);
+    hn::StoreU(hn::IfThenElseZero(valid, hn::Div(log2e, sigma)), d, out + i);
+  }
+}
+
+/// Pixels [x, x + count) of row y; up[k] and down[k]: affinity with the taps at +- direction k.
+template <bool HasVariance>
+void Centres(const ATrousPass& a, int x, int y, int count, const float* const* up, const float* const* down,
+  const float* HWY_RESTRICT tolerance)
 {
   const hn::ScalableTag<float> d;
   using V = hn::Vec<decltype(d)>;
@@ -59,25 +175,28 @@ void RowOf(const ATrousPass& a, int y, int x0, int x1)
   const V inf = hn::Set(d, std::numeric_limits<float>::infinity());
   const float s = float(a.step);
   const V depthScale = hn::Set(d, a.sigmaDepth * s), depthEpsilon = hn::Set(d, a.depthEpsilon);
-  constexpr bool squares = Normals == NormalWeight::Squarings || Normals == NormalWeight::Power128;
-  const int squarings = squares ? Squarings(a.sigmaNormal) : 0;
-  // Below this cosine its power is below 2^-120: counted as 0, before the squarings reach denormal numbers.
-  const V leastCosine = hn::Set(d, squares ? std::exp2(-120.f / a.sigmaNormal) : 0.f);
-  const V sigmaNormal = hn::Set(d, a.sigmaNormal);
 
-  const auto first = layout.at(x0, y);
-  const int count = x1 - x0;
+  const auto first = layout.at(x, y);
+  std::ptrdiff_t offset[2 * Directions];
+  for (int k = 0; k < Directions; ++k)
+  {
+    offset[2 * k] = layout.at(x + DirectionX[k] * a.step, TapRow(layout, y + DirectionY[k] * a.step)) - first;
+    offset[2 * k + 1] = layout.at(x - DirectionX[k] * a.step, TapRow(layout, y - DirectionY[k] * a.step)) - first;
+  }
+  const float* HWY_RESTRICT depth = a.guides.depth;
+  const float* HWY_RESTRICT luminance = a.in.luminance;
+  const float *HWY_RESTRICT red = a.in.color[0], *HWY_RESTRICT green = a.in.color[1],
+                            *HWY_RESTRICT blue = a.in.color[2], *HWY_RESTRICT variance = a.in.variance;
   for (int i = 0; i < count; i += lanes)
   {
     const auto p = first + i;
-    const V z = hn::LoadU(d, a.guides.depth + p);
+    const V z = hn::LoadU(d, depth + p);
     const auto hit = hn::Lt(z, inf);
-    const V r = hn::LoadU(d, a.in.color[0] + p), g = hn::LoadU(d, a.in.color[1] + p),
-            b = hn::LoadU(d, a.in.color[2] + p);
-    const V lumIn = hn::LoadU(d, a.in.luminance + p);
+    const V r = hn::LoadU(d, red + p), g = hn::LoadU(d, green + p), b = hn::LoadU(d, blue + p);
+    const V lumIn = hn::LoadU(d, luminance + p);
     V varIn = zero;
     if (HasVariance)
-      varIn = hn::LoadU(d, a.in.variance + p);
+      varIn = hn::LoadU(d, variance + p);
     if (hn::AllFalse(d, hit))
     {
       hn::StoreU(r, d, a.out.color[0] + p);
@@ -91,111 +210,56 @@ void RowOf(const ATrousPass& a, int y, int x0, int x1)
     const auto valid = hn::Lt(lumIn, inf);
     const V l = hn::IfThenElseZero(valid, lumIn);
 
-    // 1 / sL in units of log2(e); 0 (wl = 1) where the centre is not valid.
-    V sigma;
-    if (HasVariance)
-    {
-      V sum = zero, weight = zero;
-      for (int dy = -1; dy <= 1; ++dy)
-        for (int dx = -1; dx <= 1; ++dx)
-        {
-          const V v = hn::LoadU(d, a.in.variance + p + dy * layout.stride + dx);
-          const V k = hn::Set(d, (dx ? 1.f : 2.f) * (dy ? 1.f : 2.f) / 16.f);
-          sum = hn::MulAdd(k, hn::Max(v, zero), sum);
-          weight = hn::Add(weight, hn::IfThenElseZero(hn::Ge(v, zero), k));
-        }
-      // No tap at all: the variance is unknown, 0.
-      const V mean = hn::IfThenElseZero(hn::Gt(weight, zero), hn::Div(sum, weight));
-      sigma = hn::Mul(hn::Set(d, a.sigmaLuminance), hn::Sqrt(mean));
-    }
-    else
-      sigma = hn::Set(d, a.fixedSigma);
-    sigma = hn::MulAdd(hn::Set(d, a.luminanceEpsilon), hn::Add(one, hn::Abs(l)), sigma);
-    const V invSigma = hn::IfThenElseZero(valid, hn::Div(log2e, sigma));
-
-    // 1 / depth tolerance, in units of log2(e), of the 12 directions (the other 12 are their opposites).
+    const V invSigma = hn::LoadU(d, tolerance + i);
     const V gx = hn::Mul(hn::LoadU(d, a.guides.slopeX + p), depthScale);
     const V gy = hn::Mul(hn::LoadU(d, a.guides.slopeY + p), depthScale);
     const V base = hn::MulAdd(depthEpsilon, hn::Abs(z), hn::Set(d, DepthTiny));
-    V invDepth[12];
-    for (int k = 0; k < 12; ++k)
-    {
-      const float dx = float(k % 5 - 2), dy = float(k / 5 - 2);
-      const V along = hn::MulAdd(gx, hn::Set(d, dx), hn::Mul(gy, hn::Set(d, dy)));
-      invDepth[k] = hn::Div(log2e, hn::Add(hn::Abs(along), base));
-    }
 
-    V nx = zero, ny = zero, nz = zero;
-    if (Normals != NormalWeight::None)
-    {
-      nx = hn::LoadU(d, a.guides.normal[0] + p);
-      ny = hn::LoadU(d, a.guides.normal[1] + p);
-      nz = hn::LoadU(d, a.guides.normal[2] + p);
-    }
-    V id = zero;
-    if (HasId)
-      id = hn::LoadU(d, a.guides.id + p);
+    const V centre = hn::IfThenElseZero(valid, hn::Set(d, 9 / 64.f));
+    V sw = centre, sr = zero, sg = zero, sb = zero, sv = zero;
+    if (HasVariance)
+      sv = hn::Mul(hn::Mul(centre, centre), varIn);
 
-    V sw = zero, sr = zero, sg = zero, sb = zero, sv = zero;
-    const auto tap = [&](std::ptrdiff_t q, float h, V invZ) HWY_ATTR
+    const V largest = hn::Set(d, VanishingExponent);
+    alignas(64) float exponents[2 * Directions * PlaneLayout::Lanes];
+    const V gxs[5] = { hn::Neg(hn::Add(gx, gx)), hn::Neg(gx), zero, gx, hn::Add(gx, gx) };
+    const V gys[3] = { zero, gy, hn::Add(gy, gy) };
+    // In two rounds, so that the chains of dependent operations are short: first every exponent ...
+    for (int k = 0; k < Directions; ++k)
     {
-      const V lq = hn::LoadU(d, a.in.luminance + q);
-      const V zq = hn::LoadU(d, a.guides.depth + q);
-      V e = hn::Mul(hn::Abs(hn::Sub(z, zq)), invZ);
-      e = hn::MulAdd(hn::Abs(hn::Sub(l, lq)), invSigma, e);
-      V w;
-      if (Normals != NormalWeight::None)
-      {
-        V cosine = hn::Mul(nx, hn::LoadU(d, a.guides.normal[0] + q));
-        cosine = hn::MulAdd(ny, hn::LoadU(d, a.guides.normal[1] + q), cosine);
-        cosine = hn::MulAdd(nz, hn::LoadU(d, a.guides.normal[2] + q), cosine);
-        cosine = hn::Min(cosine, one);
-        if (squares)
-        {
-          cosine = hn::IfThenElseZero(hn::Gt(cosine, leastCosine), cosine);
-          for (int k = 0; k < (Normals == NormalWeight::Power128 ? 7 : squarings); ++k)
-            cosine = hn::Mul(cosine, cosine);
-          w = hn::Mul(hn::Mul(hn::Set(d, h), cosine), NegExp2(d, e));
-        }
-        else
-        {
-          const auto forward = hn::Gt(cosine, zero);
-          e = hn::NegMulAdd(sigmaNormal, hn::Log2(d, hn::IfThenElse(forward, cosine, one)), e);
-          w = hn::Mul(hn::Set(d, h), hn::IfThenElseZero(forward, NegExp2(d, hn::Max(e, zero))));
-        }
-      }
-      else
-        w = hn::Mul(hn::Set(d, h), NegExp2(d, e));
-      if (HasId)
-        w = hn::IfThenElseZero(hn::Eq(id, hn::LoadU(d, a.guides.id + q)), w);
-      sw = hn::Add(sw, w);
-      sr = hn::MulAdd(w, hn::Sub(hn::LoadU(d, a.in.color[0] + q), r), sr);
-      sg = hn::MulAdd(w, hn::Sub(hn::LoadU(d, a.in.color[1] + q), g), sg);
-      sb = hn::MulAdd(w, hn::Sub(hn::LoadU(d, a.in.color[2] + q), b), sb);
+      const float* HWY_RESTRICT zq = depth + p;
+      const float* HWY_RESTRICT lq = luminance + p;
+      const std::ptrdiff_t q0 = offset[2 * k], q1 = offset[2 * k + 1];
+      // 1 / depth tolerance, in units of log2(e); the same for both taps of a direction.
+      const V along = hn::Add(gxs[DirectionX[k] + 2], gys[DirectionY[k]]);
+      const V scale = hn::Div(log2e, hn::Add(hn::Abs(along), base));
+      const V l0 = hn::Mul(hn::Abs(hn::Sub(l, hn::LoadU(d, lq + q0))), invSigma);
+      const V l1 = hn::Mul(hn::Abs(hn::Sub(l, hn::LoadU(d, lq + q1))), invSigma);
+      const V z0 = hn::Abs(hn::Sub(z, hn::LoadU(d, zq + q0))), z1 = hn::Abs(hn::Sub(z, hn::LoadU(d, zq + q1)));
+      hn::Store(hn::Min(hn::MulAdd(z0, scale, l0), largest), d, exponents + 2 * k * lanes);
+      hn::Store(hn::Min(hn::MulAdd(z1, scale, l1), largest), d, exponents + (2 * k + 1) * lanes);
+    }
+    // ... then the weights and sums.
+    constexpr int N = 2;
+    for (int k = 0; k < Directions; ++k)
+    {
+      V e[N], w[N];
+      for (int j = 0; j < N; ++j)
+        e[j] = hn::Load(d, exponents + (2 * k + j) * lanes);
+      NegExp2InStep(d, e, w);
+      for (int j = 0; j < N; ++j)
+        w[j] = hn::Mul(w[j], hn::LoadU(d, (j & 1 ? down : up)[k] + i));
+      for (int j = 0; j < N; ++j)
+        sw = hn::Add(sw, w[j]);
+      for (int j = 0; j < N; ++j)
+        sr = hn::MulAdd(w[j], hn::Sub(hn::LoadU(d, red + p + offset[2 * k + j]), r), sr);
+      for (int j = 0; j < N; ++j)
+        sg = hn::MulAdd(w[j], hn::Sub(hn::LoadU(d, green + p + offset[2 * k + j]), g), sg);
+      for (int j = 0; j < N; ++j)
+        sb = hn::MulAdd(w[j], hn::Sub(hn::LoadU(d, blue + p + offset[2 * k + j]), b), sb);
       if (HasVariance)
-        sv = hn::MulAdd(hn::Mul(w, w), hn::LoadU(d, a.in.variance + q), sv);
-    };
-    for (int dy = -2; dy <= 2; ++dy)
-    {
-      const int qy = y + dy * a.step;
-      if (qy < layout.extent.y0 || qy >= layout.extent.y1)
-        continue;
-      const auto q = p + dy * std::ptrdiff_t(a.step) * layout.stride;
-      const float h = ATrousKernel[dy + 2];
-      const int k = (dy + 2) * 5;
-      for (int dx = -2; dx <= 2; ++dx)
-      {
-        if (dx == 0 && dy == 0)
-        {
-          const V w = hn::IfThenElseZero(valid, hn::Set(d, 9 / 64.f));
-          sw = hn::Add(sw, w);
-          if (HasVariance)
-            sv = hn::MulAdd(hn::Mul(w, w), varIn, sv);
-          continue;
-        }
-        const int index = k + dx + 2;
-        tap(q + dx * a.step, h * ATrousKernel[dx + 2], invDepth[index < 12 ? index : 24 - index]);
-      }
+        for (int j = 0; j < N; ++j)
+          sv = hn::MulAdd(hn::Mul(w[j], w[j]), hn::LoadU(d, variance + p + offset[2 * k + j]), sv);
     }
     const auto some = hn::And(hit, hn::Gt(sw, hn::Set(d, LeastWeight)));
     const V inv = hn::Div(one, hn::IfThenElse(some, sw, one));
@@ -214,34 +278,73 @@ void RowOf(const ATrousPass& a, int y, int x0, int x1)
   }
 }
 
-template <NormalWeight Normals, bool HasId>
-void RowWith(const ATrousPass& a, int y, int x0, int x1)
-{
-  if (a.in.variance)
-    RowOf<Normals, HasId, true>(a, y, x0, x1);
-  else
-    RowOf<Normals, HasId, false>(a, y, x0, x1);
-}
-
 template <NormalWeight Normals>
-void RowWith(const ATrousPass& a, int y, int x0, int x1)
+void RowsWith(const ATrousPass& a, int y0, int rows, int x0, int x1)
 {
-  if (a.guides.id)
-    RowWith<Normals, true>(a, y, x0, x1);
-  else
-    RowWith<Normals, false>(a, y, x0, x1);
+  const PlaneLayout& layout = a.guides.layout;
+  constexpr int Slack = 4 * PlaneLayout::Lanes; // what Affinity writes beyond its end
+  alignas(64) float memory[3][Directions][Chunk + 2 * SharedReach + Slack];
+  const bool share = 2 * a.step <= SharedReach && rows > 1;
+  const auto pairs = [&](int slot, int k, int y, int from, int to, int at) HWY_ATTR
+  {
+    const int dx = DirectionX[k] * a.step, dy = DirectionY[k] * a.step;
+    Affinity<Normals>(a, layout.at(from, TapRow(layout, y)), layout.at(from + dx, TapRow(layout, y + dy)),
+      DirectionWeight(k), to - from, memory[slot][k] + at);
+  };
+  for (int c0 = x0; c0 < x1; c0 += Chunk)
+  {
+    const int c1 = c0 + Chunk < x1 ? c0 + Chunk : x1;
+    for (int r = share ? -2 : 0; r < rows; ++r)
+    {
+      const int y = y0 + r * a.step;
+      const float *up[Directions], *down[Directions];
+      for (int k = 0; k < Directions; ++k)
+      {
+        const int dx = DirectionX[k] * a.step, dy = DirectionY[k];
+        const int slot = (r + 3) % 3;
+        if (share)
+        {
+          // As the first end from here, as the second end for row y + dy.
+          if (r + dy >= 0)
+            pairs(slot, k, y, c0 - (dx > 0 ? dx : 0), c1 + (dx < 0 ? -dx : 0), SharedReach - (dx > 0 ? dx : 0));
+          up[k] = memory[slot][k] + SharedReach;
+          down[k] = memory[(r + 3 - dy) % 3][k] + SharedReach - dx;
+        }
+        else
+        {
+          pairs(0, k, y, c0, c1, 0);
+          pairs(1, k, y - dy * a.step, c0 - dx, c1 - dx, 0);
+          up[k] = memory[0][k];
+          down[k] = memory[1][k];
+        }
+      }
+      if (r < 0)
+        continue;
+      alignas(64) float tolerance[Chunk + PlaneLayout::Lanes];
+      if (a.in.variance)
+      {
+        Tolerances<true>(a, layout.at(c0, y), c1 - c0, tolerance);
+        Centres<true>(a, c0, y, c1 - c0, up, down, tolerance);
+      }
+      else
+      {
+        Tolerances<false>(a, layout.at(c0, y), c1 - c0, tolerance);
+        Centres<false>(a, c0, y, c1 - c0, up, down, tolerance);
+      }
+    }
+  }
 }
 
-void ATrousRowImpl(const ATrousPass& a, int y, int x0, int x1)
+void ATrousRowsImpl(const ATrousPass& a, int y, int rows, int x0, int x1)
 {
   if (!a.guides.normal[0] || a.sigmaNormal == 0)
-    RowWith<NormalWeight::None>(a, y, x0, x1);
+    RowsWith<NormalWeight::None>(a, y, rows, x0, x1);
   else if (a.sigmaNormal == 128)
-    RowWith<NormalWeight::Power128>(a, y, x0, x1);
+    RowsWith<NormalWeight::Power128>(a, y, rows, x0, x1);
   else if (Squarings(a.sigmaNormal) >= 0)
-    RowWith<NormalWeight::Squarings>(a, y, x0, x1);
+    RowsWith<NormalWeight::Squarings>(a, y, rows, x0, x1);
   else
-    RowWith<NormalWeight::Power>(a, y, x0, x1);
+    RowsWith<NormalWeight::Power>(a, y, rows, x0, x1);
 }
 }
 }
@@ -250,14 +353,16 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace quell
 {
-HWY_EXPORT(ATrousRowImpl);
+HWY_EXPORT(ATrousRowsImpl);
 
-void ATrousRow(const ATrousPass& pass, int y, int x0, int x1) noexcept
+void ATrousRows(const ATrousPass& pass, int y, int rows, int x0, int x1) noexcept
 {
-  HWY_DYNAMIC_DISPATCH(ATrousRowImpl)(pass, y, x0, x1);
+  HWY_DYNAMIC_DISPATCH(ATrousRowsImpl)(pass, y, rows, x0, x1);
 }
 
-void ATrousRowScalar(const ATrousPass& a, int y, int x0, int x1) noexcept
+namespace
+{
+void RowScalar(const ATrousPass& a, int y, int x0, int x1) noexcept
 {
   const PlaneLayout& layout = a.guides.layout;
   const float inf = std::numeric_limits<float>::infinity();
@@ -335,6 +440,13 @@ void ATrousRowScalar(const ATrousPass& a, int y, int x0, int x1) noexcept
     if (a.in.variance)
       a.out.variance[p] = sv / sw / sw;
   }
+}
+}
+
+void ATrousRowsScalar(const ATrousPass& pass, int y, int rows, int x0, int x1) noexcept
+{
+  for (int r = 0; r < rows; ++r)
+    RowScalar(pass, y + r * pass.step, x0, x1);
 }
 }
 #endif

@@ -20,7 +20,8 @@ namespace quell
 ///   V'(p) = Sum w^2 V(q) / (Sum w)^2
 ///
 /// z in scene units, slopes in scene units per pixel, l = Rec. 709 luminance of C. Without a variance plane
-/// sL(p) = fixedSigma + luminanceEpsilon (1 + |l(p)|) and V' is not made. Weights below e^-80 are 0.
+/// sL(p) = fixedSigma + luminanceEpsilon (1 + |l(p)|) and V' is not made. Weights below e^-80 (vector
+/// code: e^-88) are 0.
 /// Border: taps outside have weight 0. A pixel that was not hit keeps its planes. A centre that is not valid
 /// (luminance +inf) has weight 0 and wl = 1; it becomes valid when its taps weigh more than 1e-18, else it keeps its
 /// planes. Vector and scalar code agree to 1e-5 relative; the result does not depend on how rows are shared out.
@@ -35,10 +36,13 @@ struct ATrousPass
   float depthEpsilon = 1e-4f, luminanceEpsilon = 1e-6f;
 };
 
-///@{ Pixels [x0, x1) of row y. The vector code may also write some pixels right of x1 in `out`.
-QUELLKERNELS_EXPORT void ATrousRow(const ATrousPass& pass, int y, int x0, int x1) noexcept;
-QUELLKERNELS_EXPORT void ATrousRowScalar(
-  const ATrousPass& pass, int y, int x0, int x1) noexcept; ///< reference, for tests
+///@{ Pixels [x0, x1) of the `rows` rows y, y + step, y + 2 step ... What two pixels share (normals, ids) is computed
+///once
+/// for both while rows follow each other like this; the bits are those of single rows. The vector code may also write
+/// some pixels right of x1 in `out`; it keeps some 150 KiB on the stack.
+QUELLKERNELS_EXPORT void ATrousRows(const ATrousPass& pass, int y, int rows, int x0, int x1) noexcept;
+QUELLKERNELS_EXPORT void ATrousRowsScalar(
+  const ATrousPass& pass, int y, int rows, int x0, int x1) noexcept; ///< reference, for tests
 ///@}
 
 /// Pixels that `iterations` passes need around a region: Sum 2 * 2^i = 2 (2^iterations - 1). The 3 x 3 variance blur

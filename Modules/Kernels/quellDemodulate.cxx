@@ -11,9 +11,8 @@ const float white[3] = { 1, 1, 1 };
 
 float Divisor(float albedo, float floor) noexcept
 {
-  if (!Finite(albedo))
-    return 1.f;
-  return albedo < floor ? floor : albedo > 1.f ? 1.f : albedo;
+  const float inside = albedo < floor ? floor : albedo > 1.f ? 1.f : albedo;
+  return Finite(albedo) ? inside : 1.f;
 }
 }
 
@@ -31,13 +30,27 @@ std::int64_t Demodulate(
       v[k] = Limited(c[k] / Divisor(a[k], floor));
     return true;
   };
+  const int count = 3 * tile.width();
   for (int y = tile.y0; y < tile.y1; ++y)
-    for (int x = tile.x0; x < tile.x1; ++x)
-      if (!illumination(x, y, out.at(x, y)))
-      {
-        FillFromNeighbours<3>(radiance.extent, x, y, out.at(x, y), illumination);
-        ++bad;
-      }
+  {
+    const float* c = radiance.at(tile.x0, y);
+    const float* a = albedo ? albedo.at(tile.x0, y) : nullptr;
+    float* o = out.at(tile.x0, y);
+    // Channel by channel, which the compiler vectorises; pixels that are not finite (rare) are done again.
+    int wrong = 0;
+    for (int i = 0; i < count; ++i)
+    {
+      o[i] = Limited(c[i] / Divisor(a ? a[i] : 1.f, floor));
+      wrong |= !Finite(c[i]);
+    }
+    if (wrong)
+      for (int x = tile.x0; x < tile.x1; ++x)
+        if (!Finite3(radiance.at(x, y)))
+        {
+          FillFromNeighbours<3>(radiance.extent, x, y, out.at(x, y), illumination);
+          ++bad;
+        }
+  }
   return bad;
 }
 
@@ -45,16 +58,30 @@ std::int64_t Modulate(
   const ImageIn& illumination, const ImageIn& albedo, float floor, const ImageOut& out, const Rect& tile) noexcept
 {
   std::int64_t bad = 0;
+  const int count = 3 * tile.width();
   for (int y = tile.y0; y < tile.y1; ++y)
-    for (int x = tile.x0; x < tile.x1; ++x)
+  {
+    const float* c = illumination.at(tile.x0, y);
+    const float* a = albedo ? albedo.at(tile.x0, y) : nullptr;
+    float* o = out.at(tile.x0, y);
+    int wrong = 0;
+    for (int i = 0; i < count; ++i)
     {
-      float c[3];
-      bad += !ReadFilled(illumination, x, y, c);
-      const float* a = albedo ? albedo.at(x, y) : white;
-      float* o = out.at(x, y);
-      for (int k = 0; k < 3; ++k)
-        o[k] = c[k] * Divisor(a[k], floor);
+      o[i] = c[i] * Divisor(a ? a[i] : 1.f, floor);
+      wrong |= !Finite(c[i]);
     }
+    if (wrong)
+      for (int x = tile.x0; x < tile.x1; ++x)
+      {
+        float filled[3];
+        if (ReadFilled(illumination, x, y, filled))
+          continue;
+        const float* p = albedo ? albedo.at(x, y) : white;
+        for (int k = 0; k < 3; ++k)
+          out.at(x, y)[k] = filled[k] * Divisor(p[k], floor);
+        ++bad;
+      }
+  }
   return bad;
 }
 }

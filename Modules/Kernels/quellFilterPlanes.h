@@ -31,7 +31,7 @@ struct ColorPlanes
 };
 
 ///@{ Rows [y0, y1) of the layout's extent, padding included; views cover at least the extent. An absent view gives the
-///value
+/// value
 /// said above. CopyGuides for all rows comes before CopySlopes. Rows may be done in parallel.
 QUELLKERNELS_EXPORT void CopyGuides(
   const ImageIn& depth, const ImageIn& normal, const ImageIn& id, const GuidePlanes& planes, int y0, int y1) noexcept;

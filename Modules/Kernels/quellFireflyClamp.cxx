@@ -5,24 +5,8 @@
 
 namespace quell
 {
-namespace
-{
-/// The float nearest to `wanted` from below in magnitude for which f + (c - f) == c.
-float Split(float c, float wanted, float& rest) noexcept
-{
-  float f = wanted;
-  rest = c - f;
-  while (f + rest != c) // only when c - f is an exact tie and c is odd; the next f ends it
-  {
-    f = std::nextafter(f, 0.f);
-    rest = c - f;
-  }
-  return f;
-}
-}
-
-ClampLedger FireflyClamp(const ImageIn& radiance, float threshold, const ImageOut& filtered, const ImageOut& residual,
-  const Rect& tile) noexcept
+ClampLedger FireflyClamp(const ImageIn& radiance, const ImageIn& count, const FireflyClampParameters& parameters,
+  const ImageOut& filtered, const ImageOut& residual, const Rect& tile) noexcept
 {
   ClampLedger ledger;
   for (int y = tile.y0; y < tile.y1; ++y)
@@ -30,27 +14,25 @@ ClampLedger FireflyClamp(const ImageIn& radiance, float threshold, const ImageOu
     {
       float c[3], f[3], r[3] = { 0, 0, 0 };
       const bool good = ReadFilled(radiance, x, y, c);
-      const double length = std::sqrt(double(c[0]) * c[0] + double(c[1]) * c[1] + double(c[2]) * c[2]);
-      const bool clamp = length > threshold;
-      for (int k = 0; k < 3; ++k)
-        f[k] = clamp ? Split(c[k], float(c[k] * (threshold / length)), r[k]) : c[k];
-      if (good)
+      double threshold = parameters.threshold;
+      if (count && parameters.growth > 0)
       {
-        ledger.Clamped += clamp;
-        ledger.EnergyIn += 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-        ledger.EnergyRemoved += 0.2126 * r[0] + 0.7152 * r[1] + 0.0722 * r[2];
+        const float n = *count.at(x, y);
+        threshold *= std::pow(Finite(n) && n > 1 ? double(n) : 1., double(parameters.growth));
       }
+      const double size = MeasureOf(c, parameters.measure);
+      const bool clamp = size > threshold;
+      for (int k = 0; k < 3; ++k)
+        f[k] = clamp ? SplitExactly(c[k], float(c[k] * (threshold / size)), r[k]) : c[k];
+      if (good)
+        Book(ledger, c, r, clamp);
       else
       {
         ++ledger.NonFinite;
         r[0] = r[1] = r[2] = 0;
       }
-      if (filtered)
-        for (int k = 0; k < 3; ++k)
-          filtered.at(x, y)[k] = f[k];
-      if (residual)
-        for (int k = 0; k < 3; ++k)
-          residual.at(x, y)[k] = r[k];
+      StoreColor(filtered, x, y, f);
+      StoreColor(residual, x, y, r);
     }
   return ledger;
 }

@@ -31,6 +31,7 @@ public:
   Vec3d Direction(double ndcX, double ndcY) const noexcept;
 
 private:
+  friend struct ViewCoefficients;
   bool Valid = false, Parallel = false;
   Vec3d Rows[3]; ///< of x, y and depth
   double Shift[3] = { 0, 0, 0 };
@@ -105,8 +106,15 @@ struct ReprojectOutputs
 /// weights w adds the spread of the means: M2 = sum w (M2_i + (mean_i - mean)^2). Without a length view, length is 1
 /// where there is history. Sources: validated bilinear fetch of Schied et al. 2017; tolerances as in
 /// Documentation/numerics.md.
+///
+/// Where motion is given and catmullRom is off, pixels with enough valid taps are computed in vectors: cameras in
+/// double, the rest in float relative to the pixel (so the size of the frame costs no accuracy); within 1e-5 of the
+/// scalar code, up to decisions that float rounding turns. All other pixels are done by the scalar code. The bits do
+/// not depend on the tile.
 QUELLKERNELS_EXPORT void Reproject(const ReprojectInputs& in, const ReprojectParameters& parameters,
   const ReprojectOutputs& out, const Rect& tile) noexcept;
+QUELLKERNELS_EXPORT void ReprojectScalar(const ReprojectInputs& in, const ReprojectParameters& parameters,
+  const ReprojectOutputs& out, const Rect& tile) noexcept; ///< all in double; reference, for tests
 
 /// Weights of a Catmull-Rom spline for the samples at -1, 0, 1, 2; t in [0, 1). Exactly (0, 1, 0, 0) at t = 0.
 inline void CatmullRomWeights(double t, double w[4]) noexcept

@@ -34,8 +34,14 @@ struct AntialiasParameters
 /// neighbours, else by 0; non-finite history taps are left out (bilinear then). Nothing non-finite is ever stored.
 /// Returns how many pixels of `tile` were not finite.
 /// Sources: Karis 2014 (weights), Salvi 2016 (variance clipping).
+///
+/// Computed in float vectors as differences to the pixel's own colour, within 1e-5 of the scalar code in double; a
+/// pixel with a tap that is not finite or beyond 1e12 is done by the scalar code. (1e-5 up to edges of 1 : 1e5.) The
+/// bits do not depend on the tile.
 QUELLKERNELS_EXPORT std::int64_t TemporalAntialias(
   const AntialiasInputs& in, const AntialiasParameters& parameters, const ImageOut& out, const Rect& tile) noexcept;
+QUELLKERNELS_EXPORT std::int64_t TemporalAntialiasScalar(const AntialiasInputs& in,
+  const AntialiasParameters& parameters, const ImageOut& out, const Rect& tile) noexcept; ///< reference, for tests
 }
 
 #endif

@@ -46,6 +46,11 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
   const V step = hn::Set(d, LargestStep), minusStep = hn::Set(d, -LargestStep);
   const bool normals = a.guides.normal[0] && a.sigmaNormal != 0;
   const V sigmaNormal = hn::Set(d, a.sigmaNormal);
+  // The usual exponents are powers of two: that many squarings, of cosines whose power is at least 2^-120.
+  int squarings = -1;
+  for (int k = 0; k <= 10; ++k)
+    squarings = a.sigmaNormal == float(1 << k) ? k : squarings;
+  const V leastCosine = hn::Set(d, squarings >= 0 ? std::exp2(-120.f / a.sigmaNormal) : 0.f);
   const float* mean = a.moments.mean ? a.moments.mean : a.in.luminance;
   const auto first = layout.at(x0, y);
 
@@ -101,20 +106,28 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
             const V zq = hn::LoadU(d, a.guides.depth + q);
             const V along = hn::MulAdd(gx, hn::Set(d, float(dx)), hn::Mul(gy, hn::Set(d, float(dy))));
             V e = hn::Mul(hn::Abs(hn::Sub(z, zq)), hn::Div(log2e, hn::Add(hn::Abs(along), base)));
+            V facing = one;
             auto keep = hn::And(hn::Lt(lq, inf), hn::Lt(zq, inf));
             if (normals)
             {
               V cosine = hn::Mul(hn::LoadU(d, a.guides.normal[0] + p), hn::LoadU(d, a.guides.normal[0] + q));
               cosine = hn::MulAdd(hn::LoadU(d, a.guides.normal[1] + p), hn::LoadU(d, a.guides.normal[1] + q), cosine);
               cosine = hn::MulAdd(hn::LoadU(d, a.guides.normal[2] + p), hn::LoadU(d, a.guides.normal[2] + q), cosine);
-              const auto forward = hn::Gt(cosine, zero);
+              const auto forward = hn::Gt(cosine, leastCosine);
               cosine = hn::IfThenElse(forward, hn::Min(cosine, one), one);
-              e = hn::NegMulAdd(sigmaNormal, hn::Log2(d, cosine), e);
               keep = hn::And(keep, forward);
+              if (squarings >= 0)
+              {
+                for (int k = 0; k < squarings; ++k)
+                  cosine = hn::Mul(cosine, cosine);
+                facing = cosine;
+              }
+              else
+                e = hn::NegMulAdd(sigmaNormal, hn::Log2(d, cosine), e);
             }
             if (a.guides.id)
               keep = hn::And(keep, hn::Eq(hn::LoadU(d, a.guides.id + p), hn::LoadU(d, a.guides.id + q)));
-            w = hn::IfThenElseZero(keep, NegExp2(d, hn::Max(e, zero)));
+            w = hn::IfThenElseZero(keep, hn::Mul(facing, NegExp2(d, hn::Max(e, zero))));
           }
           hn::Store(w, d, row + (dx + R) * lanes);
           sw = hn::Add(sw, w);

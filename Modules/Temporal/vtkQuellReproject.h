@@ -63,13 +63,14 @@ public:
   vtkGetMacro(MinimumWeight, double);
   ///@}
   ///@{ How colour is fetched where all taps are valid; CatmullRom keeps detail, Bilinear smooths noise. Default
-  ///Bilinear.
+  /// Bilinear.
   vtkSetClampMacro(Interpolation, int, Bilinear, CatmullRom);
   vtkGetMacro(Interpolation, int);
   ///@}
 
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
   std::vector<std::string> Explain() override;
+  bool FillsOutputs() const override { return true; }
 
 protected:
   vtkQuellReproject();

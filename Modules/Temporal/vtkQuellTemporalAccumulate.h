@@ -40,6 +40,7 @@ public:
   /// start, where the new frame weighs 1 / h, forgets no slower: after k frames the two averages differ in a weight of
   /// (1 - a)^k.
   double HistoryWeight(int port) const override;
+  bool FillsOutputs() const override { return true; }
 
 protected:
   vtkQuellTemporalAccumulate();

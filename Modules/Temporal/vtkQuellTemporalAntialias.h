@@ -28,7 +28,7 @@ public:
   vtkGetMacro(Alpha, double);
   ///@}
   ///@{ Half width, in standard deviations, of the range that history may keep; default 1, larger ghosts more and
-  ///flickers less.
+  /// flickers less.
   vtkSetClampMacro(Gamma, double, 0., 1e6);
   vtkGetMacro(Gamma, double);
   ///@}
@@ -36,6 +36,7 @@ public:
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
   /// 1 - Alpha for the history, in the stage's own c / (1 + max c).
   double HistoryWeight(int port) const override;
+  bool FillsOutputs() const override { return true; }
   std::vector<std::string> Explain() override;
 
 protected:

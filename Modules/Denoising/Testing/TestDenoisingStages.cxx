@@ -12,13 +12,17 @@
 #include "vtkQuellAovSplit.h"
 #include "vtkQuellBilateralFilter.h"
 #include "vtkQuellCollector.h"
+#include "vtkQuellEmissionSplit.h"
 #include "vtkQuellFireflyClamp.h"
+#include "vtkQuellKernelFilter.h"
+#include "vtkQuellRegressionFilter.h"
 #include "vtkQuellSum.h"
 #include "vtkQuellVarianceEstimate.h"
 #include "vtkSMPTools.h"
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cfloat>
 #include <cmath>
 #include <cstdint>
@@ -26,6 +30,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <random>
 
 namespace
 {
@@ -341,6 +346,8 @@ TEST_P(EveryStage, PropertiesRefuseWhatIsOutOfRange)
     EXPECT_TRUE(stage->SetPropertyText(p.Name, before, error)) << p.Name << " " << error;
     EXPECT_EQ(stage->GetPropertyText(p.Name), before);
     EXPECT_FALSE(p.Doc.empty());
+    if (p.Kind == quell::Property::Type::String)
+      continue; // any text is one; CheckSettings reads it
     std::vector<std::string> wrong = { "nan", "inf", "", "blue" };
     if (p.Kind != quell::Property::Type::Enum)
     {
@@ -566,4 +573,402 @@ TEST(AovSplitStage, WarnsWhenTheSumFails)
   sink->AddRequest(half, { "direct" });
   EXPECT_FALSE(sink->UpdateTick(0));
   EXPECT_NE(half->GetErrorText().find("diffuseColor"), std::string::npos);
+}
+
+TEST(KernelFilter, FiltersTheNamedArraysWithTheColoursWeights)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->Change = [](const std::string& name, int x, int y, int, float v) {
+    return name == "alpha" ? (x == 20 && y == 20 ? 100.f : 0.5f) : name == "radiance" && x == 20 && y == 20 ? NaN : v;
+  };
+  vtkNew<vtkQuellKernelFilter> filter;
+  filter->SetKernel(1);
+  filter->SetRadius(2);
+  filter->SetArrays("alpha normal varianceAlbedo depth");
+  filter->ConnectInput("radiance", source);
+  vtkNew<vtkQuellCollector> sink;
+  // Only arrays that the table does not list: they are made all the same.
+  sink->AddRequest(filter, { "alpha", "normal", "varianceAlbedo", "depth", "albedo", "id" });
+  sink->AddRequest(source, { "varianceAlbedo", "albedo", "id", "depth" });
+  ASSERT_TRUE(sink->UpdateTick(0)) << filter->GetErrorText();
+  const auto at = [](vtkQuellStage* stage, const char* name, int x, int y, int c)
+  { return stage->GetOutput()->GetPointData()->GetArray(name)->GetComponent(y * 75 + x, c); };
+  for (int y = 0; y < 70; ++y)
+    for (int x = 0; x < 75; ++x)
+    {
+      ASSERT_NEAR(at(filter, "alpha", x, y, 0), 0.5, 1e-5) << x << " " << y;
+      double length = 0;
+      for (int c = 0; c < 3; ++c)
+        length += at(filter, "normal", x, y, c) * at(filter, "normal", x, y, c);
+      ASSERT_TRUE(std::fabs(length - 1) < 1e-6 || length == 0) << x << " " << y;
+      ASSERT_EQ(at(filter, "id", x, y, 0), at(source, "id", x, y, 0)) << "passes through";
+      ASSERT_EQ(at(filter, "albedo", x, y, 0), at(source, "albedo", x, y, 0)) << "passes through";
+      ASSERT_EQ(std::isinf(at(filter, "depth", x, y, 0)), std::isinf(at(source, "depth", x, y, 0)));
+    }
+  double sum = 0;
+  for (int y = 38; y <= 42; ++y)
+    for (int x = 8; x <= 12; ++x)
+      sum += at(source, "varianceAlbedo", x, y, 0);
+  EXPECT_NEAR(at(filter, "varianceAlbedo", 10, 40, 0), sum / 625, 1e-6 * sum);
+  EXPECT_EQ(filter->GetCounters().NonFinite, 0) << "radiance itself was not asked for";
+}
+
+TEST(KernelFilter, RefusesWhatMakesNoSense)
+{
+  Quiet quiet;
+  const std::pair<const char*, const char*> cases[] = { { "1 2; 3 4", "no centre" }, { "1 -1 0", "add up to 0" },
+    { "1 one 1", "\"one\" in row 1" } };
+  for (const auto& c : cases)
+  {
+    vtkNew<vtkQuellKernelFilter> filter;
+    filter->SetKernel(4);
+    filter->SetMatrix(c.first);
+    try
+    {
+      filter->CheckSettings();
+      FAIL() << c.first;
+    }
+    catch (const quell::StageError& e)
+    {
+      EXPECT_NE(std::string(e.what()).find(c.second), std::string::npos) << e.what();
+    }
+    vtkNew<vtkQuellNoisyFrame> source;
+    filter->ConnectInput("radiance", source);
+    filter->Update();
+    EXPECT_NE(filter->GetErrorText().find(c.second), std::string::npos) << filter->GetErrorText();
+  }
+  vtkNew<vtkQuellKernelFilter> filter;
+  filter->SetKernel(4);
+  filter->SetMatrix("1 -1 0");
+  filter->SetNormalize(false);
+  EXPECT_NO_THROW(filter->CheckSettings());
+  filter->SetArrays("alpha id");
+  EXPECT_THROW(filter->CheckSettings(), quell::StageError);
+}
+
+TEST(BilateralFilter, TakesAnyListOfGuides)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  const auto run = [&](const std::function<void(vtkQuellBilateralFilter*)>& setUp)
+  {
+    vtkNew<vtkQuellBilateralFilter> filter;
+    filter->SetRadius(3);
+    filter->SetSigmaRange(1e30);
+    filter->ConnectInput("radiance", source);
+    setUp(filter);
+    vtkNew<vtkQuellCollector> sink;
+    sink->AddRequest(filter, { "radiance" });
+    EXPECT_TRUE(sink->UpdateTick(0)) << filter->GetErrorText();
+    return Read(filter).at("radiance");
+  };
+  const auto guide = [&](vtkQuellBilateralFilter* filter, const char* array, const char* sigma, const char* distance)
+  {
+    std::string error;
+    const int port = filter->GetDescription().InputIndex("guide"), c = filter->GetNumberOfInputConnections(port);
+    filter->ConnectInput("guide", source, array);
+    EXPECT_TRUE(filter->SetInputAttribute(port, c, "sigma", sigma, error)) << error;
+    EXPECT_TRUE(!distance || filter->SetInputAttribute(port, c, "distance", distance, error)) << error;
+  };
+  const auto named = run(
+    [&](vtkQuellBilateralFilter* f)
+    {
+      f->ConnectInput("albedo", source);
+      f->ConnectInput("id", source);
+      f->SetSigmaAlbedo(0.15);
+    });
+  const auto listed = run(
+    [&](vtkQuellBilateralFilter* f)
+    {
+      guide(f, "id", "1", nullptr);
+      guide(f, "albedo", "0.15", "Euclidean");
+    });
+  for (size_t i = 0; i < named.size(); ++i)
+    ASSERT_NEAR(listed[i], named[i], 1e-5 * named[i]);
+  const auto color = run([&](vtkQuellBilateralFilter* f) { guide(f, "radiance", "0.2", nullptr); });
+  EXPECT_TRUE(Same(color, run([&](vtkQuellBilateralFilter* f) { f->SetSigmaRange(0.2); }))) << "Color is the default";
+  const auto noisy = run(
+    [&](vtkQuellBilateralFilter* f)
+    {
+      guide(f, "radiance", "0.2", nullptr);
+      f->ConnectInput("guideVariance", source, "variance");
+    });
+  EXPECT_FALSE(Same(color, noisy));
+}
+
+TEST(BilateralFilter, ExplainsMistakesInGuides)
+{
+  Quiet quiet;
+  vtkNew<vtkQuellNoisyFrame> source;
+  const auto error = [&](const std::function<void(vtkQuellBilateralFilter*)>& setUp)
+  {
+    vtkNew<vtkQuellBilateralFilter> filter;
+    filter->ConnectInput("radiance", source);
+    setUp(filter);
+    filter->Update();
+    return filter->GetErrorText();
+  };
+  const auto has = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
+  EXPECT_PRED2(has,
+    error(
+      [&](auto* f)
+      {
+        f->ConnectInput("guide", source, "position");
+        f->SetInputArray(6, 0, "position");
+        std::string e;
+        f->SetInputAttribute(6, 0, "distance", "plane", e);
+      }),
+    "needs input \"normal\"");
+  EXPECT_PRED2(
+    has, error([&](auto* f) { f->ConnectInput("guideVariance", source, "variance"); }), "does not say of which guide");
+  EXPECT_PRED2(has,
+    error(
+      [&](auto* f)
+      {
+        f->ConnectInput("guide", source, "albedo");
+        f->ConnectInput("guideVariance", source, "variance");
+        std::string e;
+        f->SetInputAttribute(7, 0, "guide", "nomral", e);
+      }),
+    "there is no guide \"nomral\"");
+  EXPECT_PRED2(has,
+    error(
+      [&](auto* f)
+      {
+        f->ConnectInput("guide", source, "depth");
+        f->ConnectInput("guideVariance", source, "variance");
+      }),
+    "takes no variance");
+  EXPECT_PRED2(has,
+    error(
+      [&](auto* f)
+      {
+        f->ConnectInput("guide", source, "depth");
+        std::string e;
+        f->SetInputAttribute(6, 0, "distance", "Normal", e);
+      }),
+    "1 components");
+  vtkNew<vtkQuellBilateralFilter> filter;
+  std::string text;
+  EXPECT_FALSE(filter->SetInputAttribute(6, 0, "distance", "near", text));
+  EXPECT_PRED2(has, text, "none of Euclidean, Color");
+  EXPECT_FALSE(filter->SetInputAttribute(6, 0, "sigma", "-1", text));
+  EXPECT_PRED2(has, text, "sigma");
+  EXPECT_FALSE(filter->SetInputAttribute(6, 0, "strength", "1", text));
+  EXPECT_PRED2(has, text, "no attribute");
+  EXPECT_FALSE(filter->SetInputAttribute(2, 0, "sigma", "1", text)) << "a named guide has a property";
+}
+
+TEST(NonLocalStages, HalvesAreFilteredAgainstEachOther)
+{
+  // Two halves of a step with noise that is the same in no pixel.
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->SetWidth(60);
+  source->SetHeight(40);
+  source->Change = [](const std::string& name, int x, int y, int c, float v)
+  {
+    const float step = x < 30 ? 1.f : 3.f;
+    if (name == "halfA" || name == "halfB")
+      return step + 0.4f * (Hash(x, y, c, name == "halfA" ? 1 : 2) - 0.5f);
+    return name == "radiance" ? step : name == "depth" ? 1.f : name == "albedo" ? 0.5f : v;
+  };
+  for (const char* type : { "NonLocalMeans", "RegressionFilter" })
+    for (const bool known : { false, true })
+    {
+      auto stage = Make(type);
+      std::string error;
+      ASSERT_TRUE(stage->SetPropertyText("Radius", "5", error)) << error;
+      ASSERT_TRUE(stage->SetPropertyText("PatchRadius", "1", error)) << error;
+      ASSERT_TRUE(stage->SetPropertyText("KColor", "1", error)) << error;
+      for (const char* port : { "radiance", "halfA", "halfB", "depth" })
+        stage->ConnectInput(port, source);
+      if (known)
+      {
+        // of the mean of both: half of a half's, 0.4^2 / 12
+        source->Change = [change = source->Change](const std::string& name, int x, int y, int c, float v)
+        { return name == "variance" ? 0.16f / 24 : change(name, x, y, c, v); };
+        stage->ConnectInput("variance", source);
+      }
+      vtkNew<vtkQuellCollector> sink;
+      sink->AddRequest(stage, { "radiance", "variance" });
+      ASSERT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+      const auto radiance = Read(stage).at("radiance"), variance = Read(stage).at("variance");
+      double before = 0, after = 0, told = 0;
+      for (int y = 0; y < 40; ++y)
+        for (int x = 0; x < 60; ++x)
+        {
+          const double truth = x < 30 ? 1 : 3, mean = truth + 0.2 * (Hash(x, y, 1, 1) + Hash(x, y, 1, 2) - 1);
+          const double v = radiance[(y * 60 + x) * 3 + 1];
+          before += (mean - truth) * (mean - truth);
+          after += (v - truth) * (v - truth);
+          told += variance[y * 60 + x];
+        }
+      EXPECT_LT(after, before / 8) << type << known;
+      // What is left, as the halves tell it: of the luminance, three channels of independent noise.
+      EXPECT_GT(told, 0.1 * after) << type << known;
+      EXPECT_LT(told, 2 * after) << type << known;
+    }
+}
+
+TEST(NonLocalStages, ExplainMistakes)
+{
+  Quiet quiet;
+  vtkNew<vtkQuellNoisyFrame> source;
+  const auto has = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
+  auto stage = Make("NonLocalMeans");
+  stage->ConnectInput("radiance", source);
+  stage->ConnectInput("halfA", source);
+  stage->Update();
+  EXPECT_PRED2(has, stage->GetErrorText(), "want each other");
+  stage = Make("RegressionFilter");
+  stage->ConnectInput("radiance", source);
+  for (const char* array : { "radiance", "albedo", "normal", "position" })
+    stage->ConnectInput("feature", source, array);
+  stage->Update();
+  EXPECT_PRED2(has, stage->GetErrorText(), "12 components together");
+  stage = Make("NonLocalMeans");
+  stage->ConnectInput("radiance", source);
+  stage->ConnectInput("guideVariance", source);
+  stage->Update();
+  EXPECT_PRED2(has, stage->GetErrorText(), "does not say of which guide");
+  std::string error;
+  const int guide = stage->GetDescription().InputIndex("guide");
+  EXPECT_FALSE(stage->SetInputAttribute(guide, 0, "least", "0", error));
+  EXPECT_PRED2(has, error, "least");
+  EXPECT_FALSE(stage->SetInputAttribute(guide, 0, "sigma", "1", error));
+  EXPECT_FALSE(stage->SetInputAttribute(0, 0, "least", "1", error));
+}
+
+TEST(FeaturePrefilter, TakesNoiseAndLeavesTexturesAndCreases)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->SetWidth(64);
+  source->SetHeight(48);
+  const auto texture = [](int x, int y) { return (x / 8 + y / 8) & 1 ? 0.8f : 0.3f; };
+  source->Change = [&](const std::string& name, int x, int y, int c, float v)
+  {
+    if (name == "albedo")
+      return texture(x, y) + 0.1f * (Hash(x, y, c, 1) + Hash(x, y, c, 2) - 1);
+    if (name == "normal")
+      return (x < 32 ? c == 2 : c == 0) + 0.1f * (Hash(x, y, c, 3) - 0.5f);
+    return name == "depth" ? (x < 60 ? 1.f : Inf) : v;
+  };
+  for (const bool known : { false, true })
+  {
+    auto stage = Make("FeaturePrefilter");
+    for (const char* port : { "albedo", "normal", "depth" })
+      stage->ConnectInput(port, source);
+    if (known)
+    {
+      source->Change = [change = source->Change](const std::string& name, int x, int y, int c, float v) {
+        return name == "varianceAlbedo" ? 0.01f / 6 : name == "varianceNormal" ? 0.01f / 12 : change(name, x, y, c, v);
+      };
+      stage->ConnectInput("varianceAlbedo", source);
+      stage->ConnectInput("varianceNormal", source);
+    }
+    vtkNew<vtkQuellCollector> sink;
+    sink->AddRequest(stage, { "albedo", "normal" });
+    sink->AddRequest(source, { "albedo", "normal" });
+    ASSERT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+    const Pixels out = Read(stage);
+    const auto value = [&](const char* name, int x, int y, int c)
+    { return source->GetOutput()->GetPointData()->GetArray(name)->GetComponent(y * 64 + x, c); };
+    double before = 0, after = 0, tiltBefore = 0, tiltAfter = 0;
+    for (int y = 0; y < 48; ++y)
+      for (int x = 0; x < 64; ++x)
+      {
+        const size_t i = size_t(y * 64 + x) * 3;
+        if (x >= 60)
+        {
+          ASSERT_EQ(out.at("albedo")[i], float(value("albedo", x, y, 0))) << "background passes through";
+          continue;
+        }
+        for (int c = 0; c < 3; ++c)
+        {
+          const double truth = texture(x, y), tilt = x < 32 ? c == 2 : c == 0;
+          before += std::pow(value("albedo", x, y, c) - truth, 2);
+          after += std::pow(out.at("albedo")[i + c] - truth, 2);
+          tiltBefore += std::pow(value("normal", x, y, c) - tilt, 2);
+          tiltAfter += std::pow(out.at("normal")[i + c] - tilt, 2);
+        }
+      }
+    EXPECT_LT(after, before / 8) << known;
+    EXPECT_LT(tiltAfter, tiltBefore / 8) << known;
+  }
+}
+
+TEST(EmissionSplit, PartsAddUpAndTheMaskKeepsFiltersOut)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->Change = [](const std::string& name, int x, int y, int, float v) {
+    return name == "radiance" ? (x >= 20 && x < 30 && y >= 20 && y < 26 ? 17.f : 0.2f) : name == "depth" ? 1.f : v;
+  };
+  vtkNew<vtkQuellEmissionSplit> split;
+  split->ConnectInput("radiance", source);
+  vtkNew<vtkQuellBilateralFilter> filter;
+  filter->SetSigmaRange(1e30);
+  filter->ConnectInput("radiance", split);
+  filter->ConnectInput("guide", split, "mask");
+  std::string error;
+  ASSERT_TRUE(filter->SetInputAttribute(filter->GetDescription().InputIndex("guide"), 0, "distance", "Id", error))
+    << error;
+  vtkNew<vtkQuellSum> sum;
+  sum->ConnectInput("radiance", filter, "radiance");
+  sum->ConnectInput("radiance", split, "emission");
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(sum, { "radiance" });
+  sink->AddRequest(source, { "radiance" });
+  ASSERT_TRUE(sink->UpdateTick(0)) << sum->GetErrorText();
+  auto in = vtkFloatArray::SafeDownCast(source->GetOutput()->GetPointData()->GetArray("radiance"));
+  const auto out = Read(sum).at("radiance");
+  for (size_t i = 0; i < out.size(); ++i)
+    ASSERT_EQ(out[i], in->GetValue(vtkIdType(i))) << "neither is the lamp smeared nor is there a dark rim around it";
+}
+
+TEST(NonLocalStages, RegressionTakesTheBetterWidthPixelByPixel)
+{
+  // Left: flat, wants wide weights. Right: faint stripes in the noise, which wide weights mix. Between them, where
+  // one side's errors are smoothed into the other, nothing is said.
+  const auto truth = [](int x, int y) { return x < 64 ? 1.f : 1.f + 0.2f * (y / 3 % 2); };
+  // What is compared is small: noise whose halves really know nothing of each other.
+  std::mt19937 generator(3);
+  std::vector<float> noise(2 * 128 * 60 * 3);
+  for (float& v : noise)
+    v = 0.25f * (float(generator() >> 8) * 0x1p-24f - 0.5f);
+  const auto half = [&](int x, int y, int c, int which) { return noise[((which * 60 + y) * 128 + x) * 3 + c]; };
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->SetWidth(128);
+  source->SetHeight(60);
+  source->Change = [&](const std::string& name, int x, int y, int c, float v)
+  {
+    if (name == "halfA" || name == "halfB")
+      return truth(x, y) + half(x, y, c, name == "halfB");
+    if (name == "radiance")
+      return truth(x, y) + 0.5f * (half(x, y, c, 0) + half(x, y, c, 1));
+    return name == "depth" ? 1.f : v;
+  };
+  const auto errors = [&](double wide, double narrow)
+  {
+    vtkNew<vtkQuellRegressionFilter> filter;
+    filter->SetRadius(4);
+    filter->SetPatchRadius(1);
+    filter->SetKColor(wide);
+    filter->SetKColorNarrow(narrow);
+    for (const char* port : { "radiance", "halfA", "halfB", "depth" })
+      filter->ConnectInput(port, source);
+    vtkNew<vtkQuellCollector> sink;
+    sink->AddRequest(filter, { "radiance" });
+    EXPECT_TRUE(sink->UpdateTick(0)) << filter->GetErrorText();
+    const auto out = Read(filter).at("radiance");
+    std::array<double, 2> sums{};
+    for (int y = 0; y < 60; ++y)
+      for (int x = 0; x < 128; ++x)
+        for (int c = 0; c < 3; ++c)
+          sums[x >= 64] += x >= 40 && x < 72 ? 0 : std::pow(out[size_t(y * 128 + x) * 3 + c] - truth(x, y), 2);
+    return sums;
+  };
+  const auto wide = errors(20, 0), narrow = errors(0.15, 0), both = errors(20, 0.15);
+  ASSERT_LT(wide[0], 0.8 * narrow[0]);
+  ASSERT_LT(narrow[1], 0.8 * wide[1]);
+  EXPECT_LT(both[0], 0.5 * (wide[0] + narrow[0]));
+  EXPECT_LT(both[1], 0.5 * (wide[1] + narrow[1]));
 }

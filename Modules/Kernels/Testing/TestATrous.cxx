@@ -10,16 +10,16 @@ using namespace quelltest;
 
 namespace
 {
-using Row = void (*)(const quell::ATrousPass&, int, int, int) noexcept;
+using Rows = void (*)(const quell::ATrousPass&, int, int, int, int) noexcept;
 
-/// Filters a whole image; `change` edits the pass. Vector rows unless `row` says otherwise.
+/// Filters a whole image; `change` edits the pass. Vector rows unless `filter` says otherwise, `together` rows a call.
 struct Result
 {
   Image color, variance;
 };
 template <class F>
 Result Filter(const quell::Rect& e, const Scene& s, bool variance, bool normals, bool ids, int passes, F&& change,
-  Row row = quell::ATrousRow)
+  Rows filter = quell::ATrousRows, int together = 1000)
 {
   Planes planes(e, std::max(3, 2 << passes), s.color, variance ? quell::ImageIn(s.variance) : quell::ImageIn(), s.depth,
     normals ? quell::ImageIn(s.normal) : quell::ImageIn(), ids ? quell::ImageIn(s.id) : quell::ImageIn());
@@ -28,8 +28,12 @@ Result Filter(const quell::Rect& e, const Scene& s, bool variance, bool normals,
   for (int k = 0; k < passes; ++k)
   {
     p.step = 1 << k;
-    for (int y = e.y0; y < e.y1; ++y)
-      row(p, y, e.x0, e.x1);
+    for (int phase = 0; phase < std::min(p.step, e.height()); ++phase)
+    {
+      const int rows = (e.height() - phase + p.step - 1) / p.step;
+      for (int i = 0; i < rows; i += together)
+        filter(p, e.y0 + phase + i * p.step, std::min(together, rows - i), e.x0, e.x1);
+    }
     std::swap(p.in, p.out);
   }
   Result r{ Image(e, 3), Image(e, 1) };
@@ -66,7 +70,7 @@ TEST(ATrous, GoldenRamp)
     }
   const double color[3] = { .2160739, 1.0524077, 2.0000000 }, variance[3] = { .1881337, .1458541, .1386788 };
   const auto epsilons = [](quell::ATrousPass& p) { p.depthEpsilon = p.luminanceEpsilon = 1e-6f; };
-  for (const Row row : { quell::ATrousRow, quell::ATrousRowScalar })
+  for (const Rows row : { quell::ATrousRows, quell::ATrousRowsScalar })
   {
     const Result r = Filter(s.color.extent, s, true, true, true, 1, epsilons, row);
     for (int x = 0; x < 3; ++x)
@@ -225,7 +229,7 @@ TEST(ATrous, ScalarAgreesWithEveryTarget)
               p.fixedSigma = 0.7f;
             };
             const Result scalar =
-              Filter(s.color.extent, s, variance, normals, ids, passes, change, quell::ATrousRowScalar);
+              Filter(s.color.extent, s, variance, normals, ids, passes, change, quell::ATrousRowsScalar);
             ForEachTarget(
               [&](const char* name)
               {
@@ -240,6 +244,30 @@ TEST(ATrous, ScalarAgreesWithEveryTarget)
                 }
               });
           }
+}
+
+// What neighbouring rows share has the same bits as what each computes alone; wide images are done in several pieces.
+TEST(ATrous, BitsDoNotDependOnTheRowsSharedOut)
+{
+  const Scene s(1300, 9), tall(70, 130);
+  ForEachTarget(
+    [&](const char* name)
+    {
+      for (const Scene* scene : { &s, &tall })
+        for (const bool ids : { false, true })
+          for (const float sigmaNormal : { 128.f, 50.f })
+          {
+            const auto change = [&](quell::ATrousPass& p) { p.sigmaNormal = sigmaNormal; };
+            const auto run = [&](int together)
+            { return Filter(scene->color.extent, *scene, true, true, ids, 5, change, quell::ATrousRows, together); };
+            const Result all = run(1000);
+            for (const int together : { 1, 2, 7 })
+            {
+              const Result some = run(together);
+              EXPECT_TRUE(some.color == all.color && some.variance == all.variance) << name << " " << together;
+            }
+          }
+    });
 }
 
 // The same pixel from another crop, another strip of columns, another layout: the same bits.
@@ -279,7 +307,7 @@ TEST(ATrous, NonFiniteIsContained)
     bad.color.at(12, 12)[0] = poison;
     Planes planes(s.color.extent, 8, bad.color, s.variance, s.depth, s.normal);
     EXPECT_EQ(planes.bad, 1);
-    for (const Row row : { quell::ATrousRow, quell::ATrousRowScalar })
+    for (const Rows row : { quell::ATrousRows, quell::ATrousRowsScalar })
     {
       const Result r = Filter(s.color.extent, bad, true, true, false, 3, Same, row);
       for (size_t i = 0; i < r.color.data.size(); ++i)
@@ -353,7 +381,7 @@ TEST(ATrous, TinyAndThinImages)
     for (float& v : s.color.data)
       v = u();
     const Result simd = Filter(e, s, true, true, true, 5, Same);
-    const Result scalar = Filter(e, s, true, true, true, 5, Same, quell::ATrousRowScalar);
+    const Result scalar = Filter(e, s, true, true, true, 5, Same, quell::ATrousRowsScalar);
     EXPECT_LT(Compare(simd.color.data, scalar.color.data).relative, 5e-5);
     if (e.area() == 1)
     {

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "TestPlanes.h"
 #include "quellAccumulate.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +12,7 @@ using namespace quell;
 
 namespace
 {
-const float NaN = std::numeric_limits<float>::quiet_NaN();
+using quelltest::NaN;
 
 /// A row of pixels whose history is simply its last output.
 struct Row
@@ -229,5 +230,59 @@ TEST(Accumulate, HugeValuesStayFinite)
     EXPECT_TRUE(std::isfinite(row.color[0]));
     EXPECT_TRUE(std::isfinite(row.moments[0]));
     EXPECT_TRUE(std::isfinite(row.moments[1]));
+  }
+}
+
+TEST(Accumulate, ScalarAgreesWithEveryTargetAndAnyTiles)
+{
+  using quelltest::Image;
+  const Rect e{ 0, 0, 203, 31 };
+  Image radiance(e, 3), history(e, 3), moments(e, 2), length(e, 1);
+  quelltest::Random u(5);
+  for (int y = 0; y < e.y1; ++y)
+    for (int x = 0; x < e.x1; ++x)
+    {
+      const float base = u() < 0.05f ? 1e5f : 0.3f;
+      for (int c = 0; c < 3; ++c)
+      {
+        radiance.at(x, y)[c] = base * u();
+        history.at(x, y)[c] = base * (0.5f + u());
+      }
+      moments.at(x, y)[0] = base * (0.5f + u());
+      moments.at(x, y)[1] = base * base * u();
+      *length.at(x, y) = std::floor(40 * u());
+      if (u() < 0.01f)
+        radiance.at(x, y)[1] = u() < 0.5f ? NaN : 3e30f;
+      if (u() < 0.01f)
+        history.at(x, y)[2] = u() < 0.5f ? NaN : -3e30f;
+      if (u() < 0.01f)
+        moments.at(x, y)[1] = quelltest::Inf;
+    }
+  const AccumulateParameters par{ 0.05, 0.2, 32 };
+  for (const bool withMoments : { true, false })
+  {
+    const AccumulateInputs in{ radiance, history, withMoments ? ImageIn(moments) : ImageIn(), length };
+    Image color[3] = { Image(e, 3), Image(e, 3), Image(e, 3) }, second[3] = { Image(e, 2), Image(e, 2), Image(e, 2) },
+          frames[3] = { Image(e, 1), Image(e, 1), Image(e, 1) };
+    const std::int64_t bad = AccumulateScalar(in, par, { color[0], second[0], frames[0] }, e);
+    EXPECT_GT(bad, 10);
+    quelltest::ForEachTarget(
+      [&](const char* name)
+      {
+        EXPECT_EQ(Accumulate(in, par, { color[1], second[1], frames[1] }, e), bad) << name;
+        for (const auto& pair : { std::make_pair(&color[1], &color[0]), std::make_pair(&second[1], &second[0]),
+               std::make_pair(&frames[1], &frames[0]) })
+        {
+          const quelltest::Difference d = quelltest::Compare(pair.first->data, pair.second->data, 1e-4);
+          EXPECT_LT(d.relative, 1e-5) << name;
+          EXPECT_LT(d.smape, 1e-6) << name;
+        }
+        std::int64_t count = 0;
+        for (int y = 0; y < e.y1; y += 13)
+          for (int x = 0; x < e.x1; x += 29)
+            count += Accumulate(in, par, { color[2], second[2], frames[2] }, Rect{ x, y, x + 29, y + 13 }.clipped(e));
+        EXPECT_EQ(count, bad) << name;
+        EXPECT_TRUE(color[2] == color[1] && second[2] == second[1] && frames[2] == frames[1]) << name;
+      });
   }
 }

@@ -29,7 +29,7 @@ Image Filtered(const quell::BilateralInputs& in, const quell::BilateralParameter
 {
   Image out(tile, 3, NaN);
   std::vector<float> scratch(quell::BilateralScratch(in, p, tile), NaN);
-  const std::int64_t n = quell::Bilateral(in, p, out, tile, scratch.data());
+  const std::int64_t n = quell::Bilateral(in, p, { out, {} }, tile, scratch.data());
   if (bad)
     *bad = n;
   return out;
@@ -57,7 +57,7 @@ TEST(Bilateral, GoldenStep)
   p.sigmaRange = 1;
   p.range = quell::RangeSpace::Linear;
   ForEachTarget([&](const char* name) { EXPECT_NEAR(Filtered(in, p, e).at(1, 1)[0], .186323724, 2e-7) << name; });
-  quell::BilateralScalar(in, p, scalar, e);
+  quell::BilateralScalar(in, p, { scalar, {} }, e);
   EXPECT_NEAR(scalar.at(1, 1)[0], .186323724, 2e-8);
   p.sigmaRange = 0.1; // the step is preserved
   EXPECT_LT(Filtered(in, p, e).at(1, 1)[0], 1e-20f);
@@ -78,7 +78,7 @@ TEST(Bilateral, GaussianAndBoxLimits)
       sum += double(v) * v / 3;
     return sum;
   };
-  EXPECT_NEAR(Filtered(in, Gaussian(1, 3), e).at(7, 7)[0], 1 / 6.279784796, 1e-7);
+  EXPECT_NEAR(Filtered(in, Gaussian(1, 3), e).at(7, 7)[0], 1 / 6.279784796, 2e-7); // one ulp of the peak, 1
   EXPECT_NEAR(squares(Gaussian(1, 3)), .079680140, 1e-7);
   EXPECT_NEAR(squares(Gaussian(1e30, 1)), 1 / 9., 1e-7);
   EXPECT_NEAR(squares(Gaussian(1e29, 1)), 1 / 9., 1e-7);
@@ -141,7 +141,7 @@ TEST(Bilateral, ScalarAgreesWithEveryTarget)
       p.sigmaDepth = 0;
     const auto in = Inputs(s, guides);
     Image scalar(s.color.extent, 3);
-    quell::BilateralScalar(in, p, scalar, s.color.extent);
+    quell::BilateralScalar(in, p, { scalar, {} }, s.color.extent);
     ForEachTarget(
       [&](const char* name)
       {
@@ -257,12 +257,184 @@ TEST(Bilateral, TinyAndThinImages)
   {
     Scene s(e.x1, e.y1);
     Image scalar(e, 3);
-    quell::BilateralScalar(Inputs(s, 31), {}, scalar, e);
+    quell::BilateralScalar(Inputs(s, 31), {}, { scalar, {} }, e);
     const Image out = Filtered(Inputs(s, 31), {}, e);
     EXPECT_LT(Compare(out.data, scalar.data).relative, 1e-5);
     if (e.area() == 1)
     {
       EXPECT_TRUE(out == s.color);
     }
+  }
+}
+
+namespace
+{
+quell::BilateralGuide Guide(
+  const Image& value, quell::GuideDistance distance, double sigma, const quell::ImageIn& variance = {})
+{
+  quell::BilateralGuide g;
+  g.value = value, g.distance = distance, g.sigma = sigma, g.variance = variance;
+  return g;
+}
+}
+
+// A list of guides says the same as the named inputs, whatever their order.
+TEST(Bilateral, GuideListEqualsNamedGuides)
+{
+  const Scene s(53, 37);
+  quell::BilateralParameters p;
+  p.radius = 5;
+  p.sigmaRange = 1e30;
+  quell::BilateralInputs named = Inputs(s, 2 + 4 + 16), listed = Inputs(s, 0);
+  listed.guides[0] = Guide(s.id, quell::GuideDistance::Id, 0);
+  listed.guides[1] = Guide(s.albedo, quell::GuideDistance::Euclidean, p.sigmaAlbedo);
+  listed.guides[2] = Guide(s.normal, quell::GuideDistance::Normal, p.sigmaNormal);
+  listed.guideCount = 3;
+  EXPECT_LT(Compare(Filtered(named, p, s.color.extent).data, Filtered(listed, p, s.color.extent).data).relative, 1e-5);
+  // A guide in place of the range term, and a plane in place of position, normal and depth.
+  p.sigmaRange = 0.3;
+  named = Inputs(s, 0), listed = Inputs(s, 0);
+  const Image a = Filtered(named, p, s.color.extent);
+  p.sigmaRange = 1e30;
+  listed.guides[0] = Guide(s.color, quell::GuideDistance::Color, 0.3);
+  listed.guideCount = 1;
+  EXPECT_TRUE(Filtered(listed, p, s.color.extent) == a);
+  named = Inputs(s, 1 + 2 + 8), listed = Inputs(s, 1 + 2);
+  p.sigmaNormal = 1e30;
+  const Image b = Filtered(named, p, s.color.extent);
+  listed.guides[0] = Guide(s.position, quell::GuideDistance::Plane, p.sigmaDepth);
+  listed.guideCount = 1;
+  p.sigmaDepth = 1e30;
+  EXPECT_TRUE(Filtered(listed, p, s.color.extent) == b);
+}
+
+TEST(Bilateral, ScalarAgreesWithEveryTargetForListsOfGuides)
+{
+  Scene s(53, 37);
+  s.color.at(20, 10)[1] = NaN;
+  s.color.at(52, 36)[0] = Inf;
+  s.albedo.at(10, 20)[2] = NaN;
+  *s.variance.at(11, 12) = NaN;
+  *s.variance.at(12, 12) = -1;
+  Image alpha(s.color.extent, 1), spread(s.color.extent, 3);
+  Random u(8);
+  for (float& v : alpha.data)
+    v = u();
+  for (float& v : spread.data)
+    v = 0.02f * u();
+  alpha.fill(30, 30, NaN);
+  const auto E = quell::GuideDistance::Euclidean;
+  const std::vector<std::vector<quell::BilateralGuide>> lists = { { Guide(alpha, E, 0.3) },
+    { Guide(s.albedo, E, 0.1, s.variance), Guide(s.normal, quell::GuideDistance::Normal, 0.2, spread) },
+    { Guide(s.color, quell::GuideDistance::Color, 0.2, spread), Guide(s.depth, quell::GuideDistance::LogDepth, 0.1) },
+    { Guide(s.position, quell::GuideDistance::Plane, 0.3), Guide(s.moments, E, 0.5),
+      Guide(s.id, quell::GuideDistance::Id, 1), Guide(s.albedo, E, 0.) },
+    { Guide(s.albedo, E, 0., s.variance) } };
+  for (const auto& list : lists)
+    for (const int radius : { 1, 5, 10 }) // shared weights up to 8
+      for (const int guides : { 0, 2, 3 })
+      {
+        quell::BilateralInputs in = Inputs(s, guides);
+        if (!guides)
+          in.normal = s.normal;
+        for (const auto& g : list)
+          in.guides[in.guideCount++] = g;
+        in.carried[0] = alpha, in.carried[1] = s.albedo, in.carriedCount = 2;
+        quell::BilateralParameters p;
+        p.radius = radius;
+        p.sigmaSpatial = 3;
+        const quell::Rect e = s.color.extent;
+        Image color(e, 3), a(e, 1), b(e, 3);
+        quell::BilateralScalar(in, p, { color, { a, b } }, e);
+        ForEachTarget(
+          [&](const char* name)
+          {
+            Image c2(e, 3, NaN), a2(e, 1, NaN), b2(e, 3, NaN);
+            std::vector<float> scratch(quell::BilateralScratch(in, p, e), NaN);
+            quell::Bilateral(in, p, { c2, { a2, b2 } }, e, scratch.data());
+            for (const Difference& d :
+              { Compare(c2.data, color.data), Compare(a2.data, a.data), Compare(b2.data, b.data) })
+            {
+              EXPECT_LT(d.relative, 1e-5) << name << " " << &list - &lists[0] << " " << radius << " " << guides;
+              EXPECT_LT(d.smape, 1e-6) << name << " " << &list - &lists[0] << " " << radius << " " << guides;
+            }
+          });
+      }
+}
+
+// Noise in a guide costs nothing when its variance is told, and edges stay.
+TEST(Bilateral, VarianceCorrectsTheDistanceOfANoisyGuide)
+{
+  const quell::Rect e{ 0, 0, 41, 41 };
+  Image color(e, 3), guide(e, 1), variance(e, 1, 0.04f);
+  Random u(11);
+  for (int y = 0; y < 41; ++y)
+    for (int x = 0; x < 41; ++x)
+    {
+      double noise = 0;
+      for (int k = 0; k < 12; ++k)
+        noise += u() - 0.5;
+      *guide.at(x, y) = (x > 20 ? 3.f : 0.f) + 0.2f * float(noise); // standard deviation 0.2
+      color.fill(x, y, x > 20 ? 1.f : 0.f);
+      color.at(x, y)[0] = u();
+    }
+  quell::BilateralInputs in;
+  in.radiance = color;
+  quell::BilateralParameters p = Gaussian(3, 5);
+  in.guides[0] = Guide(guide, quell::GuideDistance::Euclidean, 0.02);
+  in.guideCount = 1;
+  const auto leftover = [&](const Image& out)
+  {
+    double sum = 0;
+    for (int y = 5; y < 36; ++y)
+      for (int x = 5; x < 36; ++x)
+        sum += (out.at(x, y)[0] - 0.5) * (out.at(x, y)[0] - 0.5);
+    return sum / (31 * 31);
+  };
+  const double free = leftover(Filtered(
+    [&]
+    {
+      auto i = in;
+      i.guideCount = 0;
+      return i;
+    }(),
+    p, e));
+  const double plain = leftover(Filtered(in, p, e));
+  in.guides[0].variance = variance;
+  const Image corrected = Filtered(in, p, e);
+  EXPECT_GT(plain, 10 * free) << "noise in the guide stops the filter";
+  EXPECT_LT(leftover(corrected), 2.5 * free) << "not when its variance is known";
+  for (int y = 0; y < 41; ++y)
+    EXPECT_LT(corrected.at(20, y)[1], 0.01f) << "a step of fifteen deviations is an edge";
+  // By hand: d = 0.5, V = 0.04 and 0.01: (0.25 - 0.05) / (2 max(0.01, 0.04)) = 2.5.
+  Image two({ 0, 0, 2, 1 }, 3, 0.f), g({ 0, 0, 2, 1 }, 1), v({ 0, 0, 2, 1 }, 1);
+  two.fill(1, 0, 1.f);
+  g.data = { 0, 0.5f };
+  v.data = { 0.04f, 0.01f };
+  in.radiance = two;
+  in.guides[0] = Guide(g, quell::GuideDistance::Euclidean, 0.1, v);
+  const double w = std::exp(-2.5);
+  EXPECT_NEAR(Filtered(in, Gaussian(1e30, 1), two.extent).at(0, 0)[0], w / (1 + w), 1e-6);
+}
+
+TEST(Bilateral, CarriesAlphaWithTheColoursWeights)
+{
+  Scene s(40, 30);
+  Image alpha(s.color.extent, 1);
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x)
+      *alpha.at(x, y) = s.color.at(x, y)[1];
+  quell::BilateralInputs in = Inputs(s, 7);
+  in.carried[0] = alpha, in.carriedCount = 1;
+  for (const int radius : { 4, 9 })
+  {
+    quell::BilateralParameters p;
+    p.radius = radius;
+    Image color(s.color.extent, 3), out(s.color.extent, 1);
+    std::vector<float> scratch(quell::BilateralScratch(in, p, s.color.extent), NaN);
+    quell::Bilateral(in, p, { color, { out } }, s.color.extent, scratch.data());
+    for (int y = 0; y < 30; ++y)
+      for (int x = 0; x < 40; ++x)
+        ASSERT_EQ(*out.at(x, y), color.at(x, y)[1]) << x << " " << y;
   }
 }

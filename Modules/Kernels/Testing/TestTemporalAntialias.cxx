@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "TestPlanes.h"
 #include "quellTemporalAntialias.h"
 
 #include <gtest/gtest.h>
@@ -11,8 +12,8 @@ using namespace quell;
 
 namespace
 {
-const float NaN = std::numeric_limits<float>::quiet_NaN();
-const float Inf = std::numeric_limits<float>::infinity();
+using quelltest::Inf;
+using quelltest::NaN;
 
 struct Taa
 {
@@ -204,5 +205,93 @@ TEST(TemporalAntialias, NonFiniteNeverSpreads)
     Taa all(3, 3, bad);
     EXPECT_EQ(all.run(), 9);
     EXPECT_EQ(all.result, std::vector<float>(27, 0.f));
+  }
+}
+
+namespace
+{
+/// Everything at once: edges, motion of all sizes, a region far brighter, fireflies, some bad pixels.
+Taa Wild(int w, int h, bool bad)
+{
+  Taa t(w, h, 0);
+  quelltest::Random u(3);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x)
+    {
+      const float base = (x > w / 2 ? 1e5f : 0.3f) * (u() < 0.01f ? 1e3f : 1.f);
+      for (int c = 0; c < 3; ++c)
+      {
+        t.color[3 * t.index(x, y) + c] = base * (0.5f + u());
+        t.history[3 * t.index(x, y) + c] = base * (0.6f + 0.8f * u()) - (u() < 0.02f ? 1.f : 0.f);
+      }
+      t.motion[2 * t.index(x, y)] = u() < 0.3f ? 0.f : 6 * u() - 3;
+      t.motion[2 * t.index(x, y) + 1] = u() < 0.3f ? 0.f : 6 * u() - 3;
+      t.depth[t.index(x, y)] = u() < 0.1f ? Inf : 1 + float(x / 9) + 0.1f * u();
+    }
+  if (bad)
+    for (int i = 0; i < 12; ++i)
+    {
+      t.color[std::size_t(u() * float(t.color.size()))] = i % 2 ? NaN : 3e38f;
+      t.history[std::size_t(u() * float(t.history.size()))] = i % 3 ? Inf : -2e30f;
+      t.motion[std::size_t(u() * float(t.motion.size()))] = i % 2 ? NaN : 1e9f;
+    }
+  return t;
+}
+std::int64_t RunOver(Taa& t, const Rect& tile, bool scalar)
+{
+  const AntialiasInputs in{ { t.color.data(), 3, t.frame }, { t.motion.data(), 2, t.frame },
+    { t.depth.data(), 1, t.frame }, { t.history.data(), 3, t.frame }, t.frame };
+  const ImageOut out(t.result.data(), 3, t.frame);
+  return scalar ? TemporalAntialiasScalar(in, t.par, out, tile) : TemporalAntialias(in, t.par, out, tile);
+}
+}
+
+TEST(TemporalAntialias, ScalarAgreesWithEveryTarget)
+{
+  for (const bool bad : { false, true })
+    for (const double alpha : { 0.1, 0.5 })
+      for (const double gamma : { 1., 1.25, 1e6 })
+      {
+        Taa scalar = Wild(211, 67, bad);
+        scalar.par = { alpha, gamma };
+        Taa vector = scalar;
+        const std::int64_t count = RunOver(scalar, scalar.frame, true);
+        quelltest::ForEachTarget(
+          [&](const char* name)
+          {
+            EXPECT_EQ(RunOver(vector, vector.frame, false), count) << name;
+            const quelltest::Difference e = quelltest::Compare(vector.result, scalar.result, 1e-2); // some are nearly 0
+            EXPECT_LT(e.relative, 1e-5) << name << " " << bad << " " << alpha << " " << gamma;
+            EXPECT_LT(e.smape, 1e-6) << name;
+          });
+      }
+}
+
+TEST(TemporalAntialias, ConstantsAreFixedPointsOnEveryTarget)
+{
+  quelltest::ForEachTarget(
+    [&](const char* name)
+    {
+      for (const float v : { 0.f, 1e-42f, 0.18f, 1.f, 65504.f, 1e11f, 1e30f, -0.7f })
+        for (const float m : { 0.f, 0.37f, -1.61f })
+        {
+          Taa t(40, 9, v);
+          t.move(m, 0.5f * m);
+          t.run();
+          EXPECT_EQ(t.result, t.color) << v << " " << m << " " << name;
+        }
+    });
+}
+
+TEST(TemporalAntialias, TilesGiveTheSameBits)
+{
+  Taa whole = Wild(300, 40, true), tiles = whole;
+  RunOver(whole, whole.frame, false);
+  for (const int size : { 7, 64, 131 })
+  {
+    for (int y = 0; y < 40; y += size)
+      for (int x = 0; x < 300; x += size)
+        RunOver(tiles, Rect{ x, y, x + size, y + size }.clipped(whole.frame), false);
+    EXPECT_EQ(0, std::memcmp(tiles.result.data(), whole.result.data(), whole.result.size() * sizeof(float))) << size;
   }
 }

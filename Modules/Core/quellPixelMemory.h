@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellPixelMemory_h
+#define quellPixelMemory_h
+
+#include "vtkQuellCoreModule.h"
+
+#include <cstddef>
+
+namespace quell
+{
+/// Memory of output arrays, used again: frame after frame the same sizes are asked for, and fresh pages from the system
+/// cost as much as a cheap stage (they are cleared before a stage fills them). Blocks begin at 64 bytes. At most
+/// PixelMemoryKept bytes that nobody uses are kept; safe from any thread.
+constexpr std::size_t PixelMemoryKept = std::size_t(64) << 20;
+/// Contents are arbitrary. Throws std::bad_alloc.
+VTKQUELLCORE_EXPORT float* TakePixelMemory(std::size_t floats);
+VTKQUELLCORE_EXPORT void GivePixelMemory(void* memory) noexcept;
+}
+
+#endif

@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkQuellNonLocalFilter.h"
+
+#include "quellFeatureNoise.h"
+#include "quellGuards.h"
+#include "quellNonLocal.h"
+
+#include <cmath>
+
+namespace
+{
+enum Ports
+{
+  Radiance,
+  HalfA,
+  HalfB,
+  Variance,
+  Depth,
+  Guide,
+  GuideVariance,
+  Feature ///< of the regression alone
+};
+constexpr int TileSize = 64, NoiseReach = 2;
+constexpr int SmoothRadius = 9, SmoothPatch = 1; ///< of the errors and of the choice between bandwidths
+
+/// Per channel, the mean of (A - B)^2 / 2 over the 3 x 3 neighbours that are finite in both: the variance of a half.
+void HalfVariance(const quell::ImageIn& a, const quell::ImageIn& b, const quell::ImageOut& out) noexcept
+{
+  const quell::Rect& r = out.extent;
+  for (int y = r.y0; y < r.y1; ++y)
+    for (int x = r.x0; x < r.x1; ++x)
+    {
+      double sum[3] = {};
+      int n = 0;
+      for (int qy = std::max(y - 1, a.extent.y0); qy < std::min(y + 2, a.extent.y1); ++qy)
+        for (int qx = std::max(x - 1, a.extent.x0); qx < std::min(x + 2, a.extent.x1); ++qx)
+        {
+          const float *u = a.at(qx, qy), *v = b.at(qx, qy);
+          if (!quell::Finite3(u) || !quell::Finite3(v))
+            continue;
+          for (int c = 0; c < 3; ++c)
+            sum[c] += 0.5 * (double(u[c]) - v[c]) * (double(u[c]) - v[c]);
+          ++n;
+        }
+      for (int c = 0; c < 3; ++c)
+        out.at(x, y)[c] = n ? float(std::min(1e30, sum[c] / n)) : 0.f;
+    }
+}
+}
+
+void vtkQuellNonLocalFilter::DescribeInputs(quell::StageDescription& d)
+{
+  d.Category = "Denoising";
+  d.Input("radiance", quell::ArrayKind::Color, "radiance", "what is filtered; illumination rather than radiance");
+  d.OptionalInput(
+    "halfA", quell::ArrayKind::Color, "halfA", "with halfB: one half of the samples, filtered in its place");
+  d.OptionalInput("halfB", quell::ArrayKind::Color, "halfB", "the other half; each gives the weights of the other");
+  d.OptionalInput("variance", quell::ArrayKind::Any, "variance",
+    "of radiance's pixel values: of the luminance or per channel; else estimated");
+  d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "tells the background, which passes through");
+  d.RepeatableInput(
+    "guide", quell::ArrayKind::Any, "albedo", "a feature that steers the weights; attributes name, least (tau, 1e-3)");
+  d.RepeatableInput("guideVariance", quell::ArrayKind::Any, "varianceAlbedo",
+    "variance of a guide's mean value (1 component: averaged over its components); attribute guide: its name");
+  d.Inputs[Guide].Optional = d.Inputs[GuideVariance].Optional = true;
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
+  d.Output("variance", quell::ArrayKind::Variance, "of the noise that is left, from the halves; 0 without them");
+}
+
+bool vtkQuellNonLocalFilter::SetInputAttribute(
+  int port, int connection, const std::string& name, const std::string& value, std::string& error)
+{
+  GuideSettings now = this->Settings[{ port, connection }];
+  if ((port == Guide && name == "name") || (port == GuideVariance && name == "guide"))
+    now.Name = value;
+  else if (port == Guide && name == "least")
+  {
+    if (!quell::detail::ParseDouble(value, 1e-30, 1e30, now.Least, error))
+    {
+      error = "least = " + error;
+      return false;
+    }
+  }
+  else
+    return this->vtkQuellStage::SetInputAttribute(port, connection, name, value, error);
+  GuideSettings& old = this->Settings[{ port, connection }];
+  if (old.Name != now.Name || old.Least != now.Least)
+  {
+    old = now;
+    this->Modified();
+  }
+  return true;
+}
+
+int vtkQuellNonLocalFilter::HaloFor(int) const
+{
+  const int own = quell::NonLocalHalo(this->Radius, this->PatchRadius, this->Regresses()) + NoiseReach;
+  return own + (this->Selects() ? 2 * quell::NonLocalHalo(SmoothRadius, SmoothPatch, false) : 0);
+}
+
+void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
+{
+  const quell::ImageIn radiance = frame.Input(Radiance), halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
+  const quell::ImageIn variance = frame.Input(Variance);
+  const bool halves = halfA && halfB;
+  if (bool(halfA) != bool(halfB))
+    throw quell::StageError("inputs \"halfA\" and \"halfB\" want each other: one alone is no use");
+  if (variance && variance.components != 1 && variance.components != 3)
+    throw quell::StageError("input \"variance\" wants 1 or 3 components, not " + std::to_string(variance.components));
+
+  quell::NonLocalInputs in;
+  in.depth = frame.Input(Depth);
+  if (frame.Connections(Guide) > quell::NonLocalInputs::MostFeatures)
+    throw quell::StageError(
+      "more than " + std::to_string(quell::NonLocalInputs::MostFeatures) + " connections of \"guide\"");
+  std::vector<std::string> names;
+  const auto check = [](const quell::ImageIn& image, const std::string& name)
+  {
+    if (image.components > 3)
+      throw quell::StageError(
+        "\"" + name + "\" has " + std::to_string(image.components) + " components, at most 3 are");
+  };
+  for (int c = 0; c < frame.Connections(Guide); ++c)
+  {
+    const GuideSettings settings = this->Settings[{ Guide, c }];
+    names.push_back(settings.Name.empty() ? this->GetInputArray(Guide, c) : settings.Name);
+    quell::NonLocalFeature& f = in.weighing[in.weighingCount++];
+    f.value = frame.Input(Guide, c);
+    f.least = settings.Least;
+    check(f.value, names.back());
+  }
+  for (int c = 0; c < frame.Connections(GuideVariance); ++c)
+  {
+    const std::string& name = this->Settings[{ GuideVariance, c }].Name;
+    const std::string& array = this->GetInputArray(GuideVariance, c);
+    int index = name.empty() && names.size() == 1 ? 0 : -1;
+    for (std::size_t k = 0; k < names.size(); ++k)
+      if (names[k] == name)
+        index = int(k);
+    if (index < 0)
+      throw quell::StageError(name.empty()
+                                ? "guideVariance \"" + array + "\" does not say of which guide (guide=\"name\")"
+                                : "guideVariance \"" + array + "\": there is no guide \"" + name + "\"");
+    quell::NonLocalFeature& f = in.weighing[index];
+    f.variance = frame.Input(GuideVariance, c);
+    if (f.variance.components != 1 && f.variance.components != f.value.components)
+      throw quell::StageError("guideVariance \"" + array + "\" has " + std::to_string(f.variance.components) +
+                              " components, guide \"" + names[std::size_t(index)] + "\" has " +
+                              std::to_string(f.value.components));
+  }
+  int regressors = 0;
+  for (int c = 0; this->Regresses() && c < frame.Connections(Feature); ++c)
+  {
+    if (c == quell::NonLocalInputs::MostFeatures)
+      throw quell::StageError("more than " + std::to_string(c) + " connections of \"feature\"");
+    quell::NonLocalFeature& f = in.regressors[in.regressorCount++];
+    f.value = frame.Input(Feature, c);
+    check(f.value, this->GetInputArray(Feature, c));
+    regressors += f.value.components;
+  }
+  if (regressors > quell::NonLocalInputs::MostRegressors)
+    throw quell::StageError("the features have " + std::to_string(regressors) + " components together, at most " +
+                            std::to_string(quell::NonLocalInputs::MostRegressors) + " can be used");
+
+  quell::NonLocalParameters p;
+  p.radius = this->Radius;
+  p.patch = this->PatchRadius;
+  p.kColor = this->KColor;
+  p.kFeature = this->KGuide;
+  p.epsilon = this->Epsilon;
+  p.ridge = this->Ridge;
+  p.regress = this->Regresses();
+  const quell::ImageOut out = frame.Output("radiance"), varianceOut = frame.Output("variance");
+  const quell::Rect region = frame.Region();
+  this->NonFinite.Reset();
+  // The variance of the buffer that gives the weights, for the pixels that a tile reads.
+  const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory) -> quell::ImageIn
+  {
+    if (variance && !halves)
+      return variance;
+    const quell::Rect grown = tile.grown(reach).clipped(radiance.extent);
+    const int components = halves ? 3 : 1;
+    const quell::ImageOut made(
+      memory.Take(std::size_t(grown.area()) * components + quell::FeatureNoiseScratch(grown)), components, grown);
+    if (variance)
+      for (int y = grown.y0; y < grown.y1; ++y)
+        for (int x = grown.x0; x < grown.x1; ++x)
+          for (int c = 0; c < 3; ++c)
+            made.at(x, y)[c] = 2 * variance.at(x, y)[variance.components == 3 ? c : 0];
+    else if (halves)
+      HalfVariance(halfA, halfB, made);
+    else
+      quell::FeatureNoise(radiance, quell::ImageIn(), in.depth, made, grown, made.data + grown.area());
+    return made;
+  };
+  const auto filter = [&](quell::NonLocalInputs local, const quell::NonLocalParameters& parameters,
+                        const quell::ImageIn& target, const quell::ImageIn& guide, const quell::ImageOut& result,
+                        const quell::Rect& tile)
+  {
+    static thread_local quell::Scratch planes, noise;
+    local.target = target;
+    local.guide = guide;
+    local.variance = noiseOf(tile, quell::NonLocalHalo(parameters.radius, parameters.patch, parameters.regress), noise);
+    return quell::NonLocal(
+      local, parameters, result, tile, planes.Take(quell::NonLocalScratch(local, parameters, tile)));
+  };
+  const auto store = [&](const quell::ImageIn& a, const quell::ImageIn& b, const quell::Rect& tile)
+  {
+    for (int y = tile.y0; y < tile.y1; ++y)
+      for (int x = tile.x0; x < tile.x1; ++x)
+      {
+        const float *u = a.at(x, y), *v = b.at(x, y);
+        double difference[3];
+        for (int c = 0; c < 3; ++c)
+        {
+          difference[c] = 0.5 * (double(u[c]) - v[c]);
+          if (out)
+            out.at(x, y)[c] = float(0.5 * (double(u[c]) + v[c]));
+        }
+        if (varianceOut)
+        {
+          const double l = 0.2126 * difference[0] + 0.7152 * difference[1] + 0.0722 * difference[2];
+          *varianceOut.at(x, y) = float(std::min(1e38, l * l));
+        }
+      }
+  };
+  const std::int64_t side = 2 * this->Radius + 1;
+  this->Counters.Taps += region.area() * side * side * (halves ? 2 : 1) * (this->Selects() && halves ? 2 : 1);
+
+  if (!halves)
+    this->ForEachTile(region, TileSize,
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch spare;
+        this->NonFinite.Add(filter(in, p, radiance, radiance,
+          out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile));
+      });
+  else if (!this->Selects())
+    this->ForEachTile(region, TileSize,
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch results;
+        const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
+        const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
+        this->NonFinite.Add(filter(in, p, halfA, halfB, a, tile));
+        this->NonFinite.Add(filter(in, p, halfB, halfA, b, tile));
+        store(a, b, tile);
+      });
+  else
+  {
+    // Two candidates where their errors are looked at, errors where the choice is, and the choice where it is smoothed.
+    quell::NonLocalParameters smooth;
+    smooth.radius = SmoothRadius;
+    smooth.patch = SmoothPatch;
+    smooth.kColor = 1;
+    smooth.epsilon = this->Epsilon;
+    quell::NonLocalInputs plain;
+    plain.depth = in.depth;
+    const int reach = quell::NonLocalHalo(SmoothRadius, SmoothPatch, false);
+    const quell::Rect inner = region.grown(reach).clipped(frame.Whole());
+    const quell::Rect outer = region.grown(2 * reach).clipped(frame.Whole());
+    std::vector<float> memory(std::size_t(outer.area()) * 15 + std::size_t(inner.area()) * 6);
+    float* next = memory.data();
+    const auto image = [&next](const quell::Rect& r)
+    {
+      const quell::ImageOut made(next, 3, r);
+      next += r.area() * 3;
+      return made;
+    };
+    const quell::ImageOut candidates[2][2] = { { image(outer), image(outer) }, { image(outer), image(outer) } };
+    const quell::ImageOut errors = image(outer), smoothed = image(inner), choice = image(inner);
+    const double widths[2] = { this->KColorNarrow, this->KColor };
+    this->ForEachTile(
+      outer, TileSize,
+      [&](const quell::Rect& tile)
+      {
+        for (int k = 0; k < 2; ++k)
+        {
+          quell::NonLocalParameters candidate = p;
+          candidate.kColor = widths[k];
+          filter(in, candidate, halfA, halfB, candidates[k][0], tile);
+          filter(in, candidate, halfB, halfA, candidates[k][1], tile);
+        }
+        static thread_local quell::Scratch noise;
+        const quell::ImageIn ofHalf = noiseOf(tile, 0, noise);
+        for (int y = tile.y0; y < tile.y1; ++y)
+          for (int x = tile.x0; x < tile.x1; ++x)
+          {
+            const float *a = halfA.at(x, y), *b = halfB.at(x, y);
+            float* e = errors.at(x, y);
+            e[2] = 0;
+            for (int k = 0; k < 2; ++k)
+            {
+              const float *fa = candidates[k][0].at(x, y), *fb = candidates[k][1].at(x, y);
+              double sum = 0;
+              for (int c = 0; c < 3; ++c)
+              {
+                const double ba = double(b[c]) - fa[c], ab = double(a[c]) - fb[c], ff = double(fb[c]) - fa[c];
+                sum += 0.5 * (ba * ba + ab * ab) - ofHalf.at(x, y)[c] - 0.25 * ff * ff;
+              }
+              e[k] = std::isfinite(sum) ? float(std::max(-1e30, std::min(1e30, sum / 3))) : 0.f;
+            }
+          }
+      },
+      0, 0.8);
+    this->ForEachTile(
+      inner, TileSize,
+      [&](const quell::Rect& tile)
+      {
+        filter(plain, smooth, errors, radiance, smoothed, tile);
+        for (int y = tile.y0; y < tile.y1; ++y)
+          for (int x = tile.x0; x < tile.x1; ++x)
+            choice.at(x, y)[0] = smoothed.at(x, y)[0] < smoothed.at(x, y)[1] ? 1.f : 0.f;
+      },
+      0.8, 0.9);
+    this->ForEachTile(
+      region, TileSize,
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch results;
+        const quell::ImageOut narrow(results.Take(std::size_t(tile.area()) * 3), 3, tile);
+        filter(plain, smooth, choice, radiance, narrow, tile);
+        for (int y = tile.y0; y < tile.y1; ++y)
+          for (int x = tile.x0; x < tile.x1; ++x)
+          {
+            this->NonFinite.Add(!quell::Finite3(halfA.at(x, y)));
+            this->NonFinite.Add(!quell::Finite3(halfB.at(x, y)));
+            for (int half = 0; half < 2; ++half)
+              for (int c = 0; c < 3; ++c)
+              {
+                float& wide = candidates[1][half].at(x, y)[c];
+                wide += narrow.at(x, y)[0] * (candidates[0][half].at(x, y)[c] - wide);
+              }
+          }
+        store(candidates[1][0], candidates[1][1], tile);
+      },
+      0.9, 1);
+  }
+  this->NonFinite.Report(this->Counters, this->Warnings, halves ? "the halves" : "radiance");
+}

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "vtkQuellSampleFilter.h"
+
+#include "quellSampleFilter.h"
+#include "vtkObjectFactory.h"
+
+#include <algorithm>
+#include <vector>
+
+vtkStandardNewMacro(vtkQuellSampleFilter);
+QUELL_STAGE_DESCRIPTION(vtkQuellSampleFilter)
+
+namespace
+{
+enum Ports
+{
+  Radiance,
+  Depth,
+  Normal,
+  Albedo,
+  Id
+};
+}
+
+void vtkQuellSampleFilter::Describe(quell::StageDescription& d)
+{
+  using Self = vtkQuellSampleFilter;
+  d.Category = "Denoising";
+  d.Brief = "Cross-bilateral filter of individual samples, averaged to pixels afterwards.";
+  d.Details =
+    "Connect N samples per pixel as N frames (sources with `SamplesPerPixel` 1 and `FirstSample` 0 ... N - 1), every "
+    "port in the same order. `C'(p) = 1/N sum_t F(p, t)`; `F(p, t)` is the mean of the neighbours' samples, weighted "
+    "by distance and by how far their own normal, depth, albedo and id are from those of sample t: `w = "
+    "exp(-(|q-p|^2 / 2 ss^2 + |n-n'|^2 / 2 sn^2 + (ln z/z')^2 / 2 sd^2 + |a-a'|^2 / 2 sa^2))`. With `Pairs` Same, "
+    "sample t meets only samples t; with All, every one. Colour has no say: one sample's colour is mostly noise. "
+    "`Demodulate` divides every sample by its own albedo (at least `Floor`) and multiplies its result by it. So the "
+    "filter runs before the pixel filter, and pixels with several surfaces in them (edges, depth of field, motion "
+    "blur) keep their parts. With one connection it is the pixel-based filter. Taps outside, not finite, of another "
+    "id or without a hit have weight 0; a sample that is not finite becomes its neighbours' mean; samples without a "
+    "hit pass through. Sources: Bikker, Advanced Graphics, lecture 15 (accumulated or individual samples?); Sen and "
+    "Darabi 2012.";
+  const auto sample = [&d](const char* name, quell::ArrayKind kind, const char* doc)
+  {
+    d.RepeatableInput(name, kind, name, doc);
+    d.Inputs.back().Optional = d.Inputs.size() > 1;
+  };
+  sample("radiance", quell::ArrayKind::Color, "a sample of every pixel; any number of connections");
+  sample("depth", quell::ArrayKind::Depth, "guide; one connection per sample");
+  sample("normal", quell::ArrayKind::Normal, "guide; one connection per sample");
+  sample("albedo", quell::ArrayKind::Albedo, "guide and divisor; one connection per sample");
+  sample("id", quell::ArrayKind::Id, "never mixes samples of different ids; one connection per sample");
+  d.Output("radiance", quell::ArrayKind::Color, "the mean of the filtered samples");
+  QUELL_INT(d, Radius, "pixels", "half the window's side");
+  QUELL_DOUBLE(d, SigmaSpatial, "pixels", "standard deviation in distance; 0: no neighbours");
+  QUELL_DOUBLE(d, SigmaNormal, "", "standard deviation of the length of the difference of normals; 1e30: off");
+  QUELL_DOUBLE(d, SigmaDepth, "", "standard deviation of the relative depth difference; 1e30: off");
+  QUELL_DOUBLE(d, SigmaAlbedo, "", "standard deviation of the albedo difference; 1e30: off");
+  QUELL_ENUM(d, Pairs, "which samples meet: those with the same number (cost N), or all (cost N^2)", "Same", "All");
+  QUELL_BOOL(d, Demodulate, "divide every sample by its own albedo before and multiply by it after");
+  QUELL_DOUBLE(d, Floor, "", "albedos below count as this when dividing and multiplying");
+}
+
+vtkQuellSampleFilter::vtkQuellSampleFilter()
+{
+  this->InitializePorts();
+}
+
+int vtkQuellSampleFilter::HaloFor(int) const
+{
+  return std::max(1, this->Radius); // 1: a non-finite sample is filled from its neighbours
+}
+
+void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
+{
+  const int count = frame.Connections(Radiance);
+  std::vector<quell::ImageIn> views[5];
+  for (int port = Radiance; port <= Id; ++port)
+  {
+    const int n = frame.Connections(port);
+    if (n != 0 && n != count)
+      throw quell::StageError("input \"" + this->GetDescription().Inputs[port].Name + "\" has " + std::to_string(n) +
+                              " connections, radiance has " + std::to_string(count) + "; each sample needs its own");
+    for (int c = 0; c < n; ++c)
+      views[port].push_back(frame.Input(port, c));
+  }
+  const auto all = [&views](int port) { return views[port].empty() ? nullptr : views[port].data(); };
+  const quell::SampleFilterInputs in{ count, all(Radiance), all(Depth), all(Normal), all(Albedo), all(Id) };
+  quell::SampleFilterParameters p;
+  p.radius = this->Radius;
+  p.sigmaSpatial = this->SigmaSpatial;
+  p.sigmaNormal = this->SigmaNormal;
+  p.sigmaDepth = this->SigmaDepth;
+  p.sigmaAlbedo = this->SigmaAlbedo;
+  p.pairs = quell::SamplePairs(this->Pairs);
+  p.demodulate = this->Demodulate;
+  p.floor = float(this->Floor);
+  const quell::ImageOut out = frame.Output("radiance");
+  quell::PixelCount bad;
+  this->ForEachTile(frame.Region(), 64,
+    [&](const quell::Rect& tile)
+    {
+      static thread_local quell::Scratch scratch;
+      bad.Add(quell::SampleFilter(in, p, out, tile, scratch.Take(quell::SampleFilterScratch(in, p, tile))));
+    });
+  const std::int64_t side = 2 * this->Radius + 1;
+  this->Counters.Taps += frame.Region().area() * side * side * count * (this->Pairs ? count : 1);
+  bad.Report(this->Counters, this->Warnings, "the samples");
+}
