@@ -175,6 +175,8 @@ int TradeoffCommand(const TradeoffArguments& a)
   WriteFile(directory / "tradeoff.csv", TradeoffCsv(report));
   WriteFile(directory / "tradeoff.json", TradeoffJson(report));
   WriteFile(directory / "report.html", TradeoffHtml(report, directory.string()));
+  std::error_code ec;
+  fs::remove(directory / "best.xml", ec); // of an earlier choice
   if (report.Chosen >= 0)
   {
     WriteFile(directory / "best.xml", sweep->PipelineText(report.Settings[std::size_t(report.Chosen)].Choice));

@@ -161,10 +161,14 @@ void EmbreeScene::PassPanes(const RTCFilterFunctionNArguments* args)
                                  : WavefrontAccess::Resolve(self, hit, roughness, unlit).IsPane();
     if (!pane)
       continue;
-    // a hierarchy may ask twice about one triangle
+    // A hierarchy may ask twice about one triangle, and a ray through an edge meets both of its triangles.
     bool known = false;
     for (int k = 0; k < panes.Count; ++k)
-      known |= panes.Met[k].Geometry == met.Geometry && panes.Met[k].Primitive == met.Primitive;
+    {
+      const PanesMet::One& other = panes.Met[k];
+      known |= other.Geometry == met.Geometry &&
+               (other.Primitive == met.Primitive || std::fabs(other.T - met.T) <= 1e-6f * met.T);
+    }
     if (!known && panes.Count == panes.Allowed)
       continue;
     if (!known)

@@ -178,16 +178,20 @@ std::vector<std::string> Integrator::ExplainVariant(const Film& film) const
                                         : "clearcoat or a volume") +
                         "; glass and clearcoat vertex by vertex, all else in vectors");
     }
-  if (FewTriangles few; light && WavefrontAccess::FindTriangles(*this->Scene, few))
+  const bool scattered = film.WantsDirect() || film.WantsIndirect();
+  if (FewTriangles few; scattered && WavefrontAccess::FindTriangles(*this->Scene, few))
     lines.push_back("a few light triangles are all the light: light samples in vectors");
-  if (light && has.Panes)
+  if (scattered && has.Panes)
     lines.push_back("light samples pass thin clear glass");
   if (light && !film.WantsIndirect())
-    lines.push_back(film.WantsDirect() ? "no indirect light is asked for: paths end after one scattering"
-                                       : "only emission is asked for: no light samples");
+    lines.push_back(
+      film.WantsDirect()
+        ? "no indirect light is asked for: light ends after one scattering that is no mirror or clear glass"
+        : "only emission is asked for: no light samples");
   if (!light)
-    lines.push_back(film.WantsGuides() ? "no light is asked for: paths end where the guides are"
-                                       : "only primary hits are asked for: no scattering is traced");
+    lines.push_back(film.WantsHitDistance() ? "no light is asked for: paths end where the first scattering leads"
+                    : film.WantsGuides()    ? "no light is asked for: paths end where the guides are"
+                                            : "only primary hits are asked for: no scattering is traced");
   if (light && this->MaximumBounces > 0 && !this->Scene->HasHittable())
     lines.push_back("no light that a ray can hit: the last segment of a path is not traced");
   if (this->GuideSamples > 0 && film.WantsGuides())
@@ -779,7 +783,7 @@ bool Integrator::Scatter(Batch& b, int i, int depth) const noexcept
           w.Jx[i] = along.x;
           w.Jy[i] = along.y;
           w.Jz[i] = along.z;
-          w.Far[i] = s.AtInfinity ? std::numeric_limits<float>::infinity() : 0.9999f;
+          w.Far[i] = s.AtInfinity ? std::numeric_limits<float>::infinity() : ShadowEnd;
           w.Cr[i] = lit.x;
           w.Cg[i] = lit.y;
           w.Cb[i] = lit.z;

@@ -14,6 +14,10 @@ namespace quell
 class Camera;
 
 /// A ray as it went to Embree.
+/// Where shadow rays to a lamp end, as a part of the way: short of 1 by what rounding can move the end. Targets on area
+/// lamps stand off the lamp by more than that.
+constexpr float ShadowEnd = 0.999999f;
+
 struct RecordedRay
 {
   Vec3f Origin, Direction;

@@ -141,7 +141,7 @@ void AimDiffuseImpl(Wavefront& w)
     w.Jx[i] = infinite ? wx : jx;
     w.Jy[i] = infinite ? wy : jy;
     w.Jz[i] = infinite ? wz : jz;
-    w.Far[i] = infinite ? std::numeric_limits<float>::infinity() : 0.9999f;
+    w.Far[i] = infinite ? std::numeric_limits<float>::infinity() : ShadowEnd;
     w.Cr[i] = vr;
     w.Cg[i] = vg;
     w.Cb[i] = vb;

@@ -400,7 +400,7 @@ void AimOpaqueImpl(Wavefront& w, const EnergyTables& tables)
     const V3 along = Choose(infinite, wi, Load(w.Lx + i, w.Ly + i, w.Lz + i) - origin);
     Store(origin, w.Kx + i, w.Ky + i, w.Kz + i);
     Store(along, w.Jx + i, w.Jy + i, w.Jz + i);
-    Store(Choose(infinite, infinity, Set(0.9999f)), w.Far + i);
+    Store(Choose(infinite, infinity, Set(ShadowEnd)), w.Far + i);
     Store(value, w.Cr + i, w.Cg + i, w.Cb + i);
     Store(throughput * diffuse, w.Br + i, w.Bg + i, w.Bb + i);
     Store(scatterPdf, w.ScatterPdf + i);

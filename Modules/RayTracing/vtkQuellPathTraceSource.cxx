@@ -1036,6 +1036,7 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
         traced.insert(name);
     const quell::Film film({ 0, 0, 1, 1 }, traced);
     const bool light = traced.empty() || film.WantsLight();
+    const bool indirect = traced.empty() || film.WantsIndirect(), scattered = indirect || film.WantsDirect();
 
     bool glossy = false, glass = false, seeThrough = false, textures = false, emissive = false;
     for (const quell::Material& m : scene.Materials)
@@ -1052,7 +1053,7 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       if (!has)
         lines.push_back(text);
     };
-    out(seeThrough, "no alpha: rays stop at the first surface");
+    out(seeThrough, "no alpha: no coverage is tested where a ray hits");
     out(scene.Animated(), "nothing moves: geometry is built once, motion is zero");
     if (light || film.WantsGuides())
     {
@@ -1070,11 +1071,14 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
         lines.push_back("no light in the scene: a studio sky lights it");
       if (!scene.HasLight())
         lines.push_back("no light at all: the image is black");
-      lines.push_back(
-        "paths end after " + Counted(bounces, "scattering") +
-        (this->MaximumBounces < 0 ? (scene.MaximumDepth >= 0 ? " (the scene's max_depth)" : " (default)") : ""));
-      if (bounces <= this->RussianRouletteStart)
+      if (indirect)
+        lines.push_back(
+          "paths end after " + Counted(bounces, "scattering") +
+          (this->MaximumBounces < 0 ? (scene.MaximumDepth >= 0 ? " (the scene's max_depth)" : " (default)") : ""));
+      if (indirect && bounces <= this->RussianRouletteStart)
         lines.push_back("no Russian roulette: paths are shorter than RussianRouletteStart");
+      if (film.BounceLayers() > bounces)
+        lines.push_back("bounce" + std::to_string(bounces + 1) + " and beyond are 0: paths are shorter");
     }
     if (this->LensRadius > 0)
       lines.push_back("a lens: two random numbers more a sample");
@@ -1113,7 +1117,7 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
       const quell::EmbreeScene& built = ready ? *in.Built : *made;
       const quell::LightSampler& lamps = built.Lights();
       const std::size_t count = lamps.GetTriangles().size() + lamps.GetPunctual().size();
-      if (light && count > 1)
+      if (scattered && count > 1)
         lines.push_back(Counted(std::int64_t(count), "lamp") + " (triangles and punctual): picked by " +
                         (lamps.UsesTree() ? "the light tree" : "power") +
                         (this->LightSelection == 0 ? " (LightSelection Auto)" : ""));

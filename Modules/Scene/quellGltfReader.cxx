@@ -1286,12 +1286,11 @@ bool GltfReader::ReadChannel(const JsonValue& animation, const JsonValue& channe
 
 std::size_t GltfReader::FindAnimation(const std::string& name) const
 {
-  const JsonValue list = this->Root.Get("animations");
   const std::size_t count = this->Root.CountOf("animations");
   std::string known;
   for (std::size_t a = 0; a < count; ++a)
   {
-    const std::string one = list.At(a).StringOr("name", "");
+    const std::string one = this->Root.Get("animations").At(a).StringOr("name", "");
     if (one == name)
       return a;
     known += (a > 0 ? ", " : "") + std::to_string(a) + (one.empty() ? "" : " \"" + one + "\"");

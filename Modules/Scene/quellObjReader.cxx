@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <map>
@@ -146,6 +147,20 @@ std::vector<BadNumber> FindBadNumbers(const Bytes& content, const NumberRule (&r
   }
   return bad;
 }
+/// Lines with a bad number say nothing then.
+void BlankLines(Bytes& content, const std::vector<BadNumber>& bad)
+{
+  std::size_t line = 1, next = 0;
+  for (std::uint8_t& c : content)
+  {
+    if (c == '\n')
+      ++line;
+    while (next < bad.size() && bad[next].Line < line)
+      ++next;
+    if (next < bad.size() && bad[next].Line == line && c != '\n')
+      c = ' ';
+  }
+}
 /// "3 lines with what is no number, the first is line 7: v nan 0 0"
 std::string Describe(const std::vector<BadNumber>& bad)
 {
@@ -154,6 +169,68 @@ std::string Describe(const std::vector<BadNumber>& bad)
                            (first.Word.empty() ? std::string("too few numbers after ") + first.Rule->Key
                                                : "\"" + first.Word + "\" after " + first.Rule->Key + " is no number");
   return what + (bad.size() > 1 ? " (and " + std::to_string(bad.size() - 1) + " lines more of the kind)" : "");
+}
+
+/// What tinyobjloader does not know of: a byte order mark, lines that go on after a backslash, comments behind words.
+/// Lines keep their numbers.
+Bytes Cleaned(const Bytes& content)
+{
+  Bytes out;
+  out.reserve(content.size() + 1);
+  std::size_t at = content.size() >= 3 && content[0] == 0xef && content[1] == 0xbb && content[2] == 0xbf ? 3 : 0;
+  std::size_t owed = 0; // line ends swallowed by continuations
+  bool comment = false;
+  for (; at < content.size(); ++at)
+  {
+    const std::uint8_t c = content[at];
+    const bool crlf = c == '\r' && at + 1 < content.size() && content[at + 1] == '\n';
+    if (c == '\\' && !comment && at + 1 < content.size() && (content[at + 1] == '\n' || content[at + 1] == '\r'))
+    {
+      ++at;
+      at += content[at] == '\r' && at + 1 < content.size() && content[at + 1] == '\n';
+      ++owed;
+      out.push_back(' ');
+    }
+    else if (c == '\n' || c == '\r')
+    {
+      at += crlf;
+      out.insert(out.end(), owed + 1, '\n');
+      owed = 0;
+      comment = false;
+    }
+    else
+    {
+      comment = comment || (c == '#' && (out.empty() || out.back() == ' ' || out.back() == '\t' || out.back() == '\n'));
+      if (!comment)
+        out.push_back(c);
+    }
+  }
+  return out;
+}
+
+/// A face's corner: numbers with at most two slashes between them, within what an index can be.
+bool IsCorner(const std::string& word)
+{
+  int slashes = 0;
+  std::size_t digits = 0;
+  for (std::size_t i = 0; i < word.size(); ++i)
+  {
+    const char c = word[i];
+    if (c == '/')
+    {
+      ++slashes;
+      digits = 0;
+    }
+    else if (c == '-')
+    {
+      if (i > 0 && word[i - 1] != '/')
+        return false;
+    }
+    else if (c < '0' || c > '9' || ++digits > 10)
+      return false;
+  }
+  // ten digits may still be beyond an index; the first number decides what cannot be told later
+  return slashes <= 2 && !word.empty() && word[0] != '/' && std::atoll(word.c_str()) == int(std::atoll(word.c_str()));
 }
 
 class ObjReader : public tinyobj::MaterialReader
@@ -166,6 +243,7 @@ public:
   }
 
   void Read(const Bytes& content);
+  void CheckFaces(const Bytes& content) const;
 
   bool operator()(const std::string& name, std::vector<tinyobj::material_t>* materials,
     std::map<std::string, int>* index, std::string* warning, std::string* error) override;
@@ -216,9 +294,11 @@ bool ObjReader::operator()(const std::string& name, std::vector<tinyobj::materia
   this->Hash.Add(content.data(), content.size());
   static const NumberRule rules[] = { { "Kd", 3, 1 }, { "Ks", 3, 1 }, { "Ke", 3, 1 }, { "Tf", 3, 1 }, { "Ns", 1, 1 },
     { "Ni", 1, 1 }, { "d", 1, 1 }, { "Tr", 1, 1 }, { "Pr", 1, 1 }, { "Pm", 1, 1 }, { "illum", 1, 1 } };
+  content = Cleaned(content);
   const std::vector<BadNumber> bad = FindBadNumbers(content, rules);
   if (!bad.empty())
-    Warn(this->Out, "\"" + path + "\"", Describe(bad) + "; 0 or the default is taken", "correct the file");
+    Warn(this->Out, "\"" + path + "\"", Describe(bad) + "; the default is taken", "correct the file");
+  BlankLines(content, bad);
   std::istringstream in(std::string(content.begin(), content.end()));
   std::vector<tinyobj::material_t> read;
   std::map<std::string, int> unused;
@@ -439,7 +519,6 @@ TextureUse ObjReader::Map(
   return use;
 }
 
-
 // The mapping is described at LoadScene.
 void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
 {
@@ -459,8 +538,7 @@ void ObjReader::ConvertMaterial(const tinyobj::material_t& in, Material& out)
   };
   const auto color = [&](const char* key, const tinyobj::real_t* c, float high)
   { return Color(inRange(key, c[0], 0, high), inRange(key, c[1], 0, high), inRange(key, c[2], 0, high)); };
-  const Color kd = color("Kd", in.diffuse, 1), ks = color("Ks", in.specular, 1),
-              tf = color("Tf", in.transmittance, 1);
+  const Color kd = color("Kd", in.diffuse, 1), ks = color("Ks", in.specular, 1), tf = color("Tf", in.transmittance, 1);
   const float d = inRange("d", in.dissolve, 0, 1);
   const float ns = inRange("Ns", in.shininess, 0, 1e6f);
   const float index = inRange("Ni", in.ior, 0, 100);
@@ -571,8 +649,38 @@ void ObjReader::BuildMesh(const Part& part)
   this->Out.Meshes.push_back(std::move(mesh));
 }
 
-void ObjReader::Read(const Bytes& content)
+/// Throws for the first face with a word that is no corner.
+void ObjReader::CheckFaces(const Bytes& content) const
 {
+  const char* at = reinterpret_cast<const char*>(content.data());
+  const char* const end = at + content.size();
+  const auto isSpace = [](char c) { return c == ' ' || c == '\t'; };
+  for (std::size_t line = 1; at < end; ++line)
+  {
+    const char* const stop = std::find(at, end, '\n');
+    while (at < stop && isSpace(*at))
+      ++at;
+    if (stop - at > 1 && *at == 'f' && isSpace(at[1]))
+      for (++at; at < stop;)
+      {
+        while (at < stop && isSpace(*at))
+          ++at;
+        const char* const begin = at;
+        while (at < stop && !isSpace(*at))
+          ++at;
+        const std::string word(begin, at);
+        if (!word.empty() && !IsCorner(word))
+          Fail(this->Out.File, "line " + std::to_string(line), "\"" + word + "\" is no corner of a face",
+            "write vertex, vertex/texture or vertex/texture/normal numbers");
+      }
+    at = stop < end ? stop + 1 : end;
+  }
+}
+
+void ObjReader::Read(const Bytes& original)
+{
+  const Bytes content = Cleaned(original);
+  this->CheckFaces(content);
   std::istringstream in(std::string(content.begin(), content.end()));
   tinyobj::callback_t callbacks;
   callbacks.vertex_cb = [](void* data, tinyobj::real_t x, tinyobj::real_t y, tinyobj::real_t z, tinyobj::real_t) {

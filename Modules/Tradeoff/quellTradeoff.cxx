@@ -332,6 +332,7 @@ struct Tradeoff::Internals
   void Append(const Setting& s) const;
   nlohmann::json Header() const;
   void CheckDirectory();
+  void CheckSize(const Setting& s);
   void Summarise(Setting& s);
 };
 
@@ -517,7 +518,8 @@ void Tradeoff::Internals::Prepare()
       {
         const std::string& what = choice[i].first;
         if (what.compare(0, off.first.size(), off.first) == 0 && what.size() > off.first.size() &&
-          (what[off.first.size()] == '.' || what[off.first.size()] == '/') && choice[i].second != o.Axes[i].Values.front())
+            (what[off.first.size()] == '.' || what[off.first.size()] == '/') &&
+            choice[i].second != o.Axes[i].Values.front())
         {
           return true;
         }
@@ -546,9 +548,20 @@ void Tradeoff::Internals::Prepare()
   {
     throw StageError(errors);
   }
+  for (const VaryAxis& axis : o.Axes)
+  {
+    const std::size_t dot = axis.What.rfind('.');
+    if (dot != std::string::npos && axis.What.substr(dot + 1) == "Seed")
+    {
+      throw StageError(
+        "--vary " + axis.What + ": the runs choose the seeds; say how many with --seeds, from --seed on");
+    }
+  }
+  this->ReferenceAt(o.Frames ? o.Frames->first : this->Settings.front().Pipeline->Ticks.First);
   for (Setting& s : this->Settings)
   {
     this->Join(s);
+    this->CheckSize(s);
   }
   const Graph& graph = *this->Settings.front().Pipeline;
   const PipelineExecutor& executor = *this->Groups.front().Executor;
@@ -590,6 +603,27 @@ ImageIn Tradeoff::Internals::ReferenceAt(int tick)
     this->ReferenceTick = tick;
   }
   return ViewOf(this->Reference, this->Options.Layer);
+}
+
+/// Another size than the reference's is refused before anything runs.
+void Tradeoff::Internals::CheckSize(const Setting& s)
+{
+  Group& group = this->Groups[std::size_t(s.Group)];
+  this->Apply(group, s, 0, true);
+  const std::string path = s.Pipeline->Nodes[std::size_t(this->Output(*s.Pipeline).Node)].Path;
+  int width = 0, height = 0;
+  std::string error;
+  if (!group.Executor->FrameSize(path, width, height, error))
+  {
+    throw StageError(error);
+  }
+  const Rect r = ViewOf(this->Reference, this->Options.Layer).extent;
+  if (width != r.width() || height != r.height())
+  {
+    throw StageError("the reference " + this->Options.Reference + " is " + std::to_string(r.width()) + " x " +
+                     std::to_string(r.height()) + " pixels, the output " + std::to_string(width) + " x " +
+                     std::to_string(height) + (s.Choice.empty() ? std::string() : " with " + ChoiceText(s.Choice)));
+  }
 }
 
 /// Gives the group's stages the properties of the setting and the seed of the round.
@@ -686,9 +720,17 @@ bool Tradeoff::Internals::Execute(Setting& s, int round, std::string& error)
     {
       continue;
     }
-    for (const std::string& m : this->Options.Metrics)
+    try
     {
-      sums[m] += ComputeMetric(m, test, reference);
+      for (const std::string& m : this->Options.Metrics)
+      {
+        sums[m] += ComputeMetric(m, test, reference);
+      }
+    }
+    catch (const StageError& e)
+    {
+      throw StageError("output " + Quoted(output.Name) + " (" + output.Array + ") against " + this->Options.Reference +
+                       ": " + e.what());
     }
     if (tick + 1 == this->End)
     {
@@ -753,19 +795,18 @@ void Tradeoff::Internals::CheckDirectory()
                        "\" holds another sweep (pipeline, reference, metrics, frames or seeds differ): choose another "
                        "--out, or delete it");
     }
-    return;
-  }
-  std::ofstream out(this->RunsFile(), std::ios::trunc);
-  out << header << "\n";
-  if (!out.flush())
-  {
-    throw StageError("cannot write \"" + this->RunsFile() + "\"");
   }
 }
 
 void Tradeoff::Internals::Append(const Setting& s) const
 {
+  std::error_code ec;
+  const bool fresh = !fs::exists(this->RunsFile(), ec) || fs::file_size(this->RunsFile(), ec) == 0;
   std::ofstream out(this->RunsFile(), std::ios::app);
+  if (fresh)
+  {
+    out << this->Header().dump() << "\n";
+  }
   const nlohmann::json run = { { "setting", s.Key }, { "round", s.Rounds.back() }, { "ms", s.Nodes.back() },
     { "metrics", s.Metrics.back() }, { "picture", s.Picture } };
   out << run.dump() << "\n";

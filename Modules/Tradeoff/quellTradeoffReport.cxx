@@ -489,7 +489,8 @@ std::string LedgerTable(const TradeoffReport& report)
     "<h2>What each node bought</h2>\n<p>Setting: " + Html(Name(base)) + " (" + Plain(base.Milliseconds.Middle) +
     " ms, " + Html(m) + " " + Number(Value(base, m)) +
     "). Each row leaves one node out: whoever read it reads what it read. The time is what all filters together "
-                    "take less then; a node that belongs to another one (demodulate and modulate) buys nothing alone.</p>\n<table class=\"sortable\"><thead><tr><th>left "
+    "take less then; a node that belongs to another one (demodulate and modulate) buys nothing alone.</p>\n<table "
+    "class=\"sortable\"><thead><tr><th>left "
     "out</th><th>" +
     Html(m) +
     " without it</th><th>error removed</th><th>its own ms</th><th>ms saved without it</th><th>error "

@@ -33,7 +33,12 @@ quell(0 "wrote out/quick.exr" run sweep/best.xml --quiet)
 file(SHA256 "${WORK}/sweep/runs.jsonl" before)
 quell(0 "chosen: spp=" ${sweep} --out sweep --target relMSE=1000)
 quell(3 "no setting has relMSE <= 1e-09; the nearest is spp=4" ${sweep} --out sweep --target relMSE=1e-9 --no-ledger)
+if (EXISTS "${WORK}/sweep/best.xml")
+  message(FATAL_ERROR "the choice of an earlier command was left")
+endif ()
 quell(0 "Pareto set" ${sweep} --out sweep --no-ledger)
+# A sweep that cannot begin leaves nothing that is in the way of the right one.
+quell(2 "the reference ref.exr is 48 x 48 pixels, the output 32 x 48" ${sweep} -D width=32 --out begun)
 # Another sweep does not go into the same directory.
 quell(1 "holds another sweep" ${sweep} --out sweep --seed 5)
 # Mistakes are told before anything runs.

@@ -420,6 +420,66 @@ TEST(ClosedForms, LampsShineThroughPanes)
     }
 }
 
+TEST(ClosedForms, TheEdgeBetweenTwoTrianglesOfAPaneIsOnePane)
+{
+  SceneBuilder b = Floor();
+  Material m;
+  m.Metallic = m.Roughness = 0;
+  m.Transmission = 1;
+  // The way up from the origin meets the diagonal of the quad.
+  b.Quad(b.Add(m), { -4, 1, 4 }, { 8, 0, 0 }, { 0, 0, -8 });
+  b.Scene->Cameras.clear();
+  b.Camera({ 0, .5, .5 }, .0001, std::atan(1.));
+  Node node;
+  node.Rotation[0] = -std::sqrt(.5);
+  node.Rotation[3] = std::sqrt(.5);
+  b.Scene->Nodes.push_back(node);
+  PunctualLight l;
+  l.Type = LightType::Directional;
+  l.Node = int(b.Scene->Nodes.size()) - 1;
+  l.Intensity = Vec3f(3.f);
+  b.Scene->Lights.push_back(l);
+  Settings s;
+  s.Width = s.Height = 1;
+  s.PixelJitter = quell::Integrator::Jitter::None;
+  s.Bounces = 2;
+  EXPECT_NEAR(double(Shoot(b.Scene, s, { "direct" })["direct"].Pixels[0]), .5 / 3.14159265 * 3 * .96, 1e-5);
+}
+
+TEST(ClosedForms, WhatIsJustBelowALampCastsItsShadow)
+{
+  for (bool area : { false, true })
+    for (double height : { 3., 10., 1000. })
+      for (double gap : { 1e-5, 9e-5, 1e-3 })
+      {
+        SceneBuilder b = Floor();
+        const float h = float(height), below = float(height * (1 - gap)), r = float(height * .1);
+        b.Quad(b.Add(SceneBuilder::Lambert(0)), { -r, below, r }, { 2 * r, 0, 0 }, { 0, 0, -2 * r });
+        if (area)
+          b.Quad(b.Add(SceneBuilder::Lambert(0, 10)), { -r / 2, h, -r / 2 }, { r, 0, 0 }, { 0, 0, r });
+        else
+        {
+          Node node;
+          node.Translation = { 0, height, 0 };
+          b.Scene->Nodes.push_back(node);
+          PunctualLight l;
+          l.Type = LightType::Point;
+          l.Node = int(b.Scene->Nodes.size()) - 1;
+          l.Intensity = Vec3f(float(height * height));
+          b.Scene->Lights.push_back(l);
+        }
+        b.Scene->Cameras.clear();
+        b.Camera({ 0, .5, .5 }, .0001, std::atan(1.));
+        Settings s;
+        s.Width = s.Height = 1;
+        s.PixelJitter = quell::Integrator::Jitter::None;
+        s.Samples = 16;
+        s.Bounces = 1;
+        EXPECT_EQ(double(Shoot(b.Scene, s, { "direct" })["direct"].Pixels[0]), 0.)
+          << area << ' ' << height << ' ' << gap;
+      }
+}
+
 // Two parallel unit squares at distance 1, F = .199825: the mean over one of them, not a point.
 TEST(ClosedForms, ParallelSquares)
 {

@@ -173,6 +173,19 @@ TEST(Animation, OneClipCanBeChosenByNameOrNumber)
   EXPECT_NE(refusal("fly").find("no animation \"fly\"; the scene has 0 \"walk\", 1 \"run\""), std::string::npos);
   EXPECT_NE(refusal("2").find("no animation \"2\""), std::string::npos);
   EXPECT_NE(refusal("-1").find("no animation"), std::string::npos);
+  const std::string still = Gltf().WriteGltf();
+  SceneOptions options;
+  options.Animation = "walk";
+  try
+  {
+    LoadScene(still, options);
+    ADD_FAILURE() << "it has none";
+  }
+  catch (const SceneError& e)
+  {
+    EXPECT_NE(std::string(e.what()).find("no animation \"walk\"; the scene has none"), std::string::npos) << e.what();
+  }
+  std::remove(still.c_str());
   std::remove(file.c_str());
 }
 

@@ -56,7 +56,6 @@ TEST(Obj, IndicesOutsideAreRefused)
   refuse("f 1/1 2/2 3/1\n", "texture coordinate index 2 does not exist (the file has 1)");
   refuse("f 1//1 2//1 3//1\n", "normal index 1 does not exist (the file has 0)");
   refuse("f 2147483647 1 2\n", "vertex index 2147483647");
-  refuse("f a b c\n", "vertex index 0");
 }
 
 TEST(Obj, ConcaveAndLargePolygons)
@@ -204,8 +203,30 @@ TEST(Obj, WhatIsNoNumberIsToldAndNeverBecomesZero)
     EXPECT_EQ(scene->Meshes[0].Indices.size(), 6u);
   }
   EXPECT_TRUE(
-    HasWarning(*WithMaterial("Kd 0.5 o.5 0.5"), ".mtl\": line 2: \"o.5\" after Kd is no number; 0 or the default"));
+    HasWarning(*WithMaterial("Kd 0.5 o.5 0.5"), ".mtl\": line 2: \"o.5\" after Kd is no number; the default is taken"));
   EXPECT_TRUE(HasWarning(*WithMaterial("Ns"), "line 2: too few numbers after Ns"));
+}
+
+TEST(Obj, ByteOrderMarksContinuationsAndComments)
+{
+  const auto scene =
+    LoadOnce(WriteFile(TempName(".obj"), "\xef\xbb\xbfv 0 0 0 # the corner\nv 1 0 \\\n 0\r\nv 0 1 0 \\\r\n\nf 1 2 "
+                                         "\\\n3 # a face\n#f 9 9 9\nv 2 2 x\nf 1 3 4\n"));
+  ASSERT_EQ(scene->Meshes.size(), 1u);
+  EXPECT_EQ(scene->Meshes[0].Indices.size(), 3u);
+  EXPECT_EQ(scene->Meshes[0].Positions[1], Vec3f(1, 0, 0));
+  EXPECT_TRUE(HasWarning(*scene, "line 9: \"x\" after v")) << scene->Warnings.front();
+  const auto refuse = [](const char* face)
+  {
+    const std::string file = WriteFile(TempName(".obj"), std::string("v 0 0 0\nv 1 0 0\nv 0 1 0\n") + face);
+    ExpectError(ErrorOf(file), file, "line 4", "is no corner of a face", "write vertex");
+  };
+  for (const char* face :
+    { "f 1.9 2 3\n", "f 1abc 2 3\n", "f 1 2 3junk\n", "f 4294967297 2 3\n", "f a b c\n", "f 1/1/1/1 2 3\n" })
+    refuse(face);
+  // what a bad line would have set stays what it was
+  EXPECT_EQ(WithMaterial("d x")->Materials[0].Alpha, 1);
+  EXPECT_EQ(WithMaterial("d x")->Materials[0].Mode, AlphaMode::Opaque);
 }
 
 TEST(Obj, ValuesOutsideOfTheirRangeAreTold)

@@ -309,6 +309,7 @@ TEST_F(Sweeps, MistakesAreToldBeforeAnythingRuns)
   EXPECT_NE(Refusal(this->Options({ "first.Kep=1" })).find("did you mean \"Keep\""), std::string::npos);
   EXPECT_NE(Refusal(this->Options({ "frist.Keep=1" })).find("first"), std::string::npos);
   EXPECT_NE(Refusal(this->Options({ "first.Keep=0.5,7" })).find("7"), std::string::npos);
+  EXPECT_NE(Refusal(this->Options({ "noise.Seed=1,2" })).find("the runs choose the seeds"), std::string::npos);
   EXPECT_NE(Refusal(this->Options({ "noise=on,off" })).find("no input to take its place"), std::string::npos);
   EXPECT_NE(Refusal(this->Options({ "secnd=on,off" })).find("second"), std::string::npos);
   TradeoffOptions o = this->Options({});
