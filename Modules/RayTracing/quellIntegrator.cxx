@@ -666,9 +666,9 @@ void Integrator::OpaqueVertices(Batch& b, int depth) const noexcept
     for (int i = 0; i < w.Count; ++i)
     {
       const std::uint32_t lobes = w.Opaque.Lobes[i];
-      b.Lightable[i] =
-        b.Lightable[i] && ((lobes & Wavefront::HasDiffuse) ||
-                            (lobes & (Wavefront::HasSpecular | Wavefront::SpecularIsDelta)) == Wavefront::HasSpecular);
+      b.Lightable[i] = w.Alive[i] && b.Lightable[i] &&
+                       ((lobes & Wavefront::HasDiffuse) ||
+                         (lobes & (Wavefront::HasSpecular | Wavefront::SpecularIsDelta)) == Wavefront::HasSpecular);
     }
     this->DrawLights(b);
     if (b.PickTriangles)
