@@ -81,6 +81,10 @@ bool IsExr(const std::string& file)
 /// `inputs` of an image: lines of hash and file name.
 void WarnOfChangedInputs(const std::string& file, const std::string& inputs, const Graph& graph)
 {
+  if (inputs.empty())
+  {
+    return;
+  }
   const std::map<std::string, std::string> now = InputHashes(graph);
   std::istringstream lines(inputs);
   std::string hash, name;
@@ -262,24 +266,18 @@ std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphO
 {
   Diagnostics messages;
   std::string inputs;
+  const auto document = ReadPipelineOrImage(file, messages, inputs);
   std::shared_ptr<Graph> graph;
-  if (!IsExr(file))
+  // After broken XML or a newer version everything else would be guesswork.
+  if (document->Place.Line > 0)
   {
-    graph = LoadPipeline(file, AllStages(), options, messages);
+    graph = BuildGraph(document, AllStages(), options, messages);
   }
-  else
+  messages.Sort();
+  graph = messages.HasErrors() ? nullptr : graph;
+  if (graph)
   {
-    const auto document = ReadPipelineOrImage(file, messages, inputs);
-    if (document->Place.Line > 0)
-    {
-      graph = BuildGraph(document, AllStages(), options, messages);
-    }
-    messages.Sort();
-    graph = messages.HasErrors() ? nullptr : graph;
-    if (graph)
-    {
-      WarnOfChangedInputs(file, inputs, *graph);
-    }
+    WarnOfChangedInputs(file, inputs, *graph);
   }
   Print(messages);
   errors = messages.ErrorCount();

@@ -1,13 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What every stage owes, checked for each type in the registry: a complete table, honest properties, odd sizes,
 // non-finite pixels, crops and thread counts. A new stage is tested here by being registered.
-#include "quellRegisterColor.h"
-#include "quellRegisterDenoising.h"
-#include "quellRegisterImageIO.h"
-#include "quellRegisterMetrics.h"
-#include "quellRegisterRayTracing.h"
-#include "quellRegisterTemporal.h"
-#include "quellStageRegistry.h"
+#include "../AllStages.h"
 #include "vtkDataArray.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
@@ -139,22 +133,6 @@ void vtkQuellContractSource::Describe(quell::StageDescription& d)
 {
   for (const quell::ArrayType& a : quell::KnownArrays())
     d.Output(a.Name, a.Kind, a.Doc);
-}
-
-const quell::StageRegistry& Registry()
-{
-  static const quell::StageRegistry registry = []
-  {
-    quell::StageRegistry r;
-    quell::RegisterRayTracingStages(r);
-    quell::RegisterDenoisingStages(r);
-    quell::RegisterTemporalStages(r);
-    quell::RegisterImageIOStages(r);
-    quell::RegisterColorStages(r);
-    quell::RegisterMetricsStages(r);
-    return r;
-  }();
-  return registry;
 }
 
 std::string ArrayFor(quell::ArrayKind kind)

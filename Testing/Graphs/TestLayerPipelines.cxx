@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The shipped pipelines that filter layers apart: what they split comes back, metals and mirrors too, and emission is
 // left alone.
+#include "../AllStages.h"
 #include "quellPipelineExecutor.h"
-#include "quellRegisterColor.h"
-#include "quellRegisterDenoising.h"
-#include "quellRegisterImageIO.h"
-#include "quellRegisterMetrics.h"
-#include "quellRegisterRayTracing.h"
-#include "quellRegisterTemporal.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"
@@ -17,22 +12,6 @@
 
 namespace
 {
-const quell::StageRegistry& Registry()
-{
-  static const quell::StageRegistry registry = []
-  {
-    quell::StageRegistry r;
-    quell::RegisterRayTracingStages(r);
-    quell::RegisterDenoisingStages(r);
-    quell::RegisterTemporalStages(r);
-    quell::RegisterImageIOStages(r);
-    quell::RegisterColorStages(r);
-    quell::RegisterMetricsStages(r);
-    return r;
-  }();
-  return registry;
-}
-
 /// One frame of a shipped pipeline on the gallery, 64 x 48.
 struct Frame
 {

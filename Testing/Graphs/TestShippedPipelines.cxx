@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the design promises, asked of the real thing: shipped pipelines with the path tracer and every filter in place.
+#include "../AllStages.h"
 #include "quellImageFile.h"
 #include "quellPipelineExecutor.h"
-#include "quellRegisterColor.h"
-#include "quellRegisterDenoising.h"
-#include "quellRegisterImageIO.h"
-#include "quellRegisterMetrics.h"
-#include "quellRegisterRayTracing.h"
-#include "quellRegisterTemporal.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"
@@ -20,22 +15,6 @@
 
 namespace
 {
-const quell::StageRegistry& Registry()
-{
-  static const quell::StageRegistry registry = []
-  {
-    quell::StageRegistry r;
-    quell::RegisterRayTracingStages(r);
-    quell::RegisterDenoisingStages(r);
-    quell::RegisterTemporalStages(r);
-    quell::RegisterImageIOStages(r);
-    quell::RegisterColorStages(r);
-    quell::RegisterMetricsStages(r);
-    return r;
-  }();
-  return registry;
-}
-
 /// A shipped pipeline that writes nothing; `node` is looked at.
 struct Pipeline
 {

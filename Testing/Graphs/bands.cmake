@@ -1,18 +1,7 @@
 # cmake -DPROGRAM=quell -DSCENE=file.gltf -DPIPELINE=denoise-file.xml -DWORK=dir -P bands.cmake
 # A frame made in bands of rows (--memory) is the frame made at once, to the last bit of its files; what goes wrong in a later
 # band leaves nothing behind; what needs whole frames is refused.
-file(REMOVE_RECURSE "${WORK}")
-file(MAKE_DIRECTORY "${WORK}")
-
-# quell(<status> <text that stderr or stdout holds> args...)
-function (quell status text)
-  execute_process(COMMAND "${PROGRAM}" ${ARGN} WORKING_DIRECTORY "${WORK}"
-    RESULT_VARIABLE result OUTPUT_VARIABLE out ERROR_VARIABLE err)
-  string(FIND "${out}${err}" "${text}" at)
-  if (NOT "${result}" STREQUAL "${status}" OR at EQUAL -1)
-    message(FATAL_ERROR "quell ${ARGN}\nexpected status ${status} and \"${text}\"\nstatus ${result}\n${out}${err}")
-  endif ()
-endfunction ()
+include("${CMAKE_CURRENT_LIST_DIR}/program.cmake")
 # Every bit of every layer, made again at once; the headers hold times.
 function (same file)
   if (file MATCHES "[.]exr$")

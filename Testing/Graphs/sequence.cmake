@@ -1,19 +1,7 @@
 # cmake -DPROGRAM=quell -DSCENE=file.gltf -DWORK=dir -P sequence.cmake
 # A run that fails in the middle goes on where it stopped, refuses to go on with anything else, and gives the same pixels as
 # an uninterrupted one; what it wrote can be run again by itself.
-file(REMOVE_RECURSE "${WORK}")
-file(MAKE_DIRECTORY "${WORK}")
-
-# quell(<status> <text that stderr or stdout holds> args...)
-function (quell status text)
-  execute_process(COMMAND "${PROGRAM}" ${ARGN} WORKING_DIRECTORY "${WORK}"
-    RESULT_VARIABLE result OUTPUT_VARIABLE out ERROR_VARIABLE err)
-  set(said "${out}${err}")
-  string(FIND "${said}" "${text}" at)
-  if (NOT "${result}" STREQUAL "${status}" OR at EQUAL -1)
-    message(FATAL_ERROR "quell ${ARGN}\nexpected status ${status} and \"${text}\"\nstatus ${result}\n${said}")
-  endif ()
-endfunction ()
+include("${CMAKE_CURRENT_LIST_DIR}/program.cmake")
 function (expect what)
   if (NOT (${ARGN}))
     message(FATAL_ERROR "${what}")

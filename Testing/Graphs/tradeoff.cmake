@@ -1,17 +1,6 @@
 # cmake -DPROGRAM=quell -DPIPELINE=quick.xml -DWORK=dir -P tradeoff.cmake
 # The sweep of Documentation/tradeoff.md, small: it ends, its report names the right winner, and what it chose runs.
-file(REMOVE_RECURSE "${WORK}")
-file(MAKE_DIRECTORY "${WORK}")
-
-# quell(<status> <text that stderr or stdout holds> args...)
-function (quell status text)
-  execute_process(COMMAND "${PROGRAM}" ${ARGN} WORKING_DIRECTORY "${WORK}"
-    RESULT_VARIABLE result OUTPUT_VARIABLE out ERROR_VARIABLE err)
-  string(FIND "${out}${err}" "${text}" at)
-  if (NOT "${result}" STREQUAL "${status}" OR at EQUAL -1)
-    message(FATAL_ERROR "quell ${ARGN}\nexpected status ${status} and \"${text}\"\nstatus ${result}\n${out}${err}")
-  endif ()
-endfunction ()
+include("${CMAKE_CURRENT_LIST_DIR}/program.cmake")
 
 set(small -D width=48 -D height=48)
 quell(0 "ref.exr" run "${PIPELINE}" ${small} -D spp=256 -D seed=100 --output pt:radiance=ref.exr --quiet)

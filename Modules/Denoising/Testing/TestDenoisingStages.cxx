@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "PixelNoise.h"
 #include "quellRegisterDenoising.h"
 #include "vtkDataArray.h"
 #include "vtkFloatArray.h"
@@ -39,14 +40,7 @@ const float NaN = std::numeric_limits<float>::quiet_NaN();
 
 float Hash(int x, int y, int c, int salt)
 {
-  std::uint32_t h =
-    std::uint32_t(x) * 0x9E3779B1u ^ std::uint32_t(y) * 0x85EBCA77u ^ std::uint32_t(c * 97 + salt) * 0xC2B2AE3Du;
-  h ^= h >> 15;
-  h *= 0x2C1B3C6Du;
-  h ^= h >> 12;
-  h *= 0x297A2D39u;
-  h ^= h >> 15;
-  return float(h >> 8) * 0x1p-24f;
+  return PixelNoise(x, y, c * 97 + salt);
 }
 
 /// A noisy frame whose arrays are functions of the pixel; arrays that the table does not know have 3 components.

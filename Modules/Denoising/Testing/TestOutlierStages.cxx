@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "PixelNoise.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
@@ -23,14 +24,7 @@ constexpr int Width = 60, Height = 44;
 
 float Uniform(int x, int y, int c, int salt)
 {
-  std::uint32_t h =
-    std::uint32_t(x) * 0x9E3779B1u ^ std::uint32_t(y) * 0x85EBCA77u ^ std::uint32_t(c * 131 + salt) * 0xC2B2AE3Du;
-  h ^= h >> 15;
-  h *= 0x2C1B3C6Du;
-  h ^= h >> 12;
-  h *= 0x297A2D39u;
-  h ^= h >> 15;
-  return float(h >> 8) * 0x1p-24f;
+  return PixelNoise(x, y, c * 131 + salt);
 }
 
 /// Fireflies among noise: halfA and halfB are independent, radiance is their mean.

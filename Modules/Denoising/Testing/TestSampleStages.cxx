@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Stages that use what single samples and their variance tell: SampleFilter, VarianceSteeredFilter.
+#include "PixelNoise.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkNew.h"
@@ -29,14 +30,7 @@ public:
 
   float Uniform(int x, int y, int c) const
   {
-    std::uint32_t h = std::uint32_t(x) * 0x9E3779B1u ^ std::uint32_t(y) * 0x85EBCA77u ^
-                      std::uint32_t(c * 131 + this->Sample + 7) * 0xC2B2AE3Du;
-    h ^= h >> 15;
-    h *= 0x2C1B3C6Du;
-    h ^= h >> 12;
-    h *= 0x297A2D39u;
-    h ^= h >> 15;
-    return float(h >> 8) * 0x1p-24f;
+    return PixelNoise(x, y, c * 131 + this->Sample + 7);
   }
 
 protected:
