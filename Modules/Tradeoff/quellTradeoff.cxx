@@ -2,7 +2,6 @@
 #include "quellTradeoff.h"
 
 #include "quellCancelToken.h"
-#include "quellExplain.h"
 #include "quellImageFile.h"
 #include "quellLeaveOut.h"
 #include "quellMetrics.h"
@@ -171,18 +170,7 @@ int ChooseSetting(const std::vector<SettingResult>& settings, const std::string&
   const std::optional<std::pair<std::string, double>>& aim, std::string& text)
 {
   int best = -1, nearest = -1;
-  const auto number = [](double v)
-  {
-    return detail::FormatDouble(std::strtod((
-                                              [&]
-                                              {
-                                                char b[32];
-                                                std::snprintf(b, sizeof b, "%.4g", v);
-                                                return std::string(b);
-                                              })()
-                                              .c_str(),
-      nullptr));
-  };
+  const auto number = [](double v) { return RoundedText(v, 4); };
   const std::string& judged = aim ? aim->first : metric;
   for (std::size_t i = 0; i < settings.size(); ++i)
   {
@@ -325,7 +313,7 @@ struct Tradeoff::Internals
   void Join(Setting& s);
   const GraphOutput& Output(const Graph& graph) const;
   ImageIn ReferenceAt(int tick);
-  void Apply(Group& group, const Setting& s, int round, bool fresh);
+  void Apply(Group& group, const Setting& s, int seed);
   bool Execute(Setting& s, int round, std::string& error);
   void RunAll(std::vector<Setting>& settings);
   void Load(std::vector<Setting>& settings);
@@ -557,11 +545,9 @@ void Tradeoff::Internals::Prepare()
         "--vary " + axis.What + ": the runs choose the seeds; say how many with --seeds, from --seed on");
     }
   }
-  this->ReferenceAt(o.Frames ? o.Frames->first : this->Settings.front().Pipeline->Ticks.First);
   for (Setting& s : this->Settings)
   {
     this->Join(s);
-    this->CheckSize(s);
   }
   const Graph& graph = *this->Settings.front().Pipeline;
   const PipelineExecutor& executor = *this->Groups.front().Executor;
@@ -589,6 +575,10 @@ void Tradeoff::Internals::Prepare()
   }
   this->Rounds = std::max(o.Seeds, o.Repeats);
   this->ReferenceAt(this->First);
+  for (const Setting& s : this->Settings)
+  {
+    this->CheckSize(s);
+  }
 }
 
 ImageIn Tradeoff::Internals::ReferenceAt(int tick)
@@ -609,7 +599,7 @@ ImageIn Tradeoff::Internals::ReferenceAt(int tick)
 void Tradeoff::Internals::CheckSize(const Setting& s)
 {
   Group& group = this->Groups[std::size_t(s.Group)];
-  this->Apply(group, s, 0, true);
+  this->Apply(group, s, this->Options.Seeds);
   const std::string path = s.Pipeline->Nodes[std::size_t(this->Output(*s.Pipeline).Node)].Path;
   int width = 0, height = 0;
   std::string error;
@@ -626,8 +616,8 @@ void Tradeoff::Internals::CheckSize(const Setting& s)
   }
 }
 
-/// Gives the group's stages the properties of the setting and the seed of the round.
-void Tradeoff::Internals::Apply(Group& group, const Setting& s, int round, bool fresh)
+/// Gives the group's stages the properties of the setting, and their seeds: the first one + `seed`.
+void Tradeoff::Internals::Apply(Group& group, const Setting& s, int seed)
 {
   for (std::size_t n = 0; n < s.Pipeline->Nodes.size(); ++n)
   {
@@ -640,10 +630,8 @@ void Tradeoff::Internals::Apply(Group& group, const Setting& s, int round, bool 
     for (const Property& p : node.Description().Properties)
     {
       std::string text = node.Stage->GetPropertyText(p.Name), error;
-      if (p.Name == "Seed" && (round >= 0 || fresh))
+      if (p.Name == "Seed")
       {
-        // A round that no seed is left for repeats the first ones, for the times.
-        const int seed = fresh ? this->Options.Seeds : round % this->Options.Seeds;
         text = std::to_string(this->FirstSeed + seed);
       }
       if (text != stage->GetPropertyText(p.Name))
@@ -660,8 +648,8 @@ bool Tradeoff::Internals::Execute(Setting& s, int round, std::string& error)
   PipelineExecutor& executor = *group.Executor;
   if (!group.Warm)
   {
-    // What happens once (reading the scene, building its hierarchy) belongs to no setting.
-    this->Apply(group, s, 0, true);
+    // What happens once (reading the scene, building its hierarchy) belongs to no setting, nor does this seed.
+    this->Apply(group, s, this->Options.Seeds);
     const TickResult warm = executor.RunTick(this->Start, TickMode::Frame);
     if (!warm.Ok)
     {
@@ -671,7 +659,8 @@ bool Tradeoff::Internals::Execute(Setting& s, int round, std::string& error)
     group.Warm = true;
   }
   executor.ClearHistory();
-  this->Apply(group, s, round, false);
+  // A round that no seed is left for repeats the first ones, for the times.
+  this->Apply(group, s, round % this->Options.Seeds);
   std::map<std::string, double> seconds;
   std::map<std::string, double> sums;
   const GraphOutput& output = this->Output(*group.First);
@@ -985,16 +974,6 @@ Tradeoff::Tradeoff(const StageRegistry& registry, TradeoffOptions options)
 
 Tradeoff::~Tradeoff() = default;
 
-int Tradeoff::RoundsToRun() const
-{
-  return this->Internal->Rounds;
-}
-
-int Tradeoff::SettingCount() const
-{
-  return int(this->Internal->Settings.size());
-}
-
 std::string Tradeoff::PipelineText(const VaryChoice& choice) const
 {
   Internals::Setting s;
@@ -1081,7 +1060,6 @@ TradeoffReport Tradeoff::Run()
     }
     in.Ledger.push_back(std::move(s));
   }
-  std::vector<Internals::Setting*> runnable;
   in.RunAll(in.Ledger);
   for (Internals::Setting& s : in.Ledger)
   {

@@ -99,8 +99,6 @@ public:
   TradeoffReport Run();
   /// The setting as a pipeline file of its own.
   std::string PipelineText(const VaryChoice& choice) const;
-  int RoundsToRun() const;
-  int SettingCount() const;
 
 private:
   struct Internals;

@@ -3,6 +3,7 @@
 
 #include "quellImageFile.h"
 #include "quellMetrics.h"
+#include "quellXmlDocument.h"
 
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
@@ -73,30 +74,10 @@ std::string Csv(const std::string& text)
   return out + "\"";
 }
 
+/// What may stand between tags and in attributes.
 std::string Html(const std::string& text)
 {
-  std::string out;
-  for (char c : text)
-  {
-    switch (c)
-    {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
+  return EscapeXml(text);
 }
 
 std::string Name(const SettingResult& s)
@@ -334,12 +315,12 @@ std::string Plot(const TradeoffReport& report)
          F((y.From + y.To) / 2) + ") rotate(-90)\" class=\"tick\">" + Html(metric) +
          (higher ? ", higher is better" : ", lower is better") + "</text>\n";
   std::string line;
-  for (const SettingResult* s : ParetoOf(report))
+  const std::vector<const SettingResult*> set = ParetoOf(report);
+  for (const SettingResult* s : set)
   {
     line += (line.empty() ? "" : " ") + F(x.At(s->Milliseconds.Middle)) + "," + F(y.At(Value(*s, metric)));
   }
   out += "<polyline class=\"front\" points=\"" + line + "\"/>\n";
-  int number = 0;
   for (const SettingResult* s : shown)
   {
     const double v = Value(*s, metric), e = Error(*s, metric), px = x.At(s->Milliseconds.Middle), py = y.At(v);
@@ -364,8 +345,7 @@ std::string Plot(const TradeoffReport& report)
     if (s->Pareto)
     {
       // Numbers as in the table of the Pareto set.
-      const auto set = ParetoOf(report);
-      number = int(std::find(set.begin(), set.end(), s) - set.begin()) + 1;
+      const auto number = std::find(set.begin(), set.end(), s) - set.begin() + 1;
       out +=
         "<text class=\"label\" x=\"" + F(px + 8) + "\" y=\"" + F(py - 7) + "\">" + std::to_string(number) + "</text>\n";
     }

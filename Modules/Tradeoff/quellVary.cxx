@@ -55,11 +55,16 @@ void AddRange(const std::string& text, const std::string& part, std::vector<std:
     double v = ratio ? from * std::pow(to / from, t) : from + t * (to - from);
     v = i + 1 == count ? to : v;
     // Six digits are enough to tell settings apart, and people read them.
-    char digits[32];
-    std::snprintf(digits, sizeof digits, "%.6g", v);
-    values.push_back(detail::FormatDouble(std::strtod(digits, nullptr)));
+    values.push_back(RoundedText(v, 6));
   }
 }
+}
+
+std::string RoundedText(double value, int digits)
+{
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  return detail::FormatDouble(std::strtod(text, nullptr));
 }
 
 VaryAxis ParseVary(const std::string& text)

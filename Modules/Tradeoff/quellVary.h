@@ -22,6 +22,9 @@ struct VaryAxis
 /// integers out where the steps are whole. Throws std::invalid_argument with a sentence.
 VTKQUELLTRADEOFF_EXPORT VaryAxis ParseVary(const std::string& text);
 
+/// The number with so many significant digits, as people write it: 0.25, 1000000.
+VTKQUELLTRADEOFF_EXPORT std::string RoundedText(double value, int digits);
+
 /// What was chosen on each axis.
 using VaryChoice = std::vector<std::pair<std::string, std::string>>;
 /// All combinations, the last axis fastest; one empty choice without axes. Throws std::invalid_argument beyond `limit`.

@@ -38,3 +38,9 @@ quell(2 "none.exr" tradeoff "${PIPELINE}" --reference none.exr --out other)
 if (EXISTS "${WORK}/other")
   message(FATAL_ERROR "a refused sweep made its directory")
 endif ()
+# With history the last frame is measured: of a numbered reference no other frame needs to be there.
+get_filename_component(temporal "${PIPELINE}" DIRECTORY)
+set(temporal "${temporal}/svgf.xml" -D width=32 -D height=32 -D frames=3)
+quell(0 "moving.0002.exr" run ${temporal} --frames 2:2 --output "pt:radiance=moving.####.exr" --quiet)
+quell(0 "Pareto set" tradeoff ${temporal} --reference "moving.####.exr" --seeds 1 --repeats 1 --metric relMSE --no-ledger --quiet
+  --out moving)
