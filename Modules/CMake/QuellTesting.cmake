@@ -11,7 +11,8 @@ function (quell_add_module_tests folder)
   endif ()
   set(target "quell${folder}Tests")
   add_executable(${target} ${arg_SOURCES})
-  target_link_libraries(${target} PRIVATE ${arg_LINK} GTest::gtest GTest::gtest_main)
+  target_link_libraries(${target} PRIVATE ${arg_LINK} TBB::tbb GTest::gtest GTest::gtest_main)
+  target_include_directories(${target} PRIVATE "${PROJECT_SOURCE_DIR}/Testing")
   target_compile_options(${target} PRIVATE ${quell_compile_options})
   target_compile_definitions(${target} PRIVATE
     QUELL_SOURCE_DIR="${PROJECT_SOURCE_DIR}"

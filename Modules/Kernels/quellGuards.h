@@ -36,11 +36,11 @@ inline float NegativeExp(float x) noexcept
   return x <= 80.f ? std::exp(-x) : 0.f;
 }
 /// x^n for a cosine x: 0 for x <= 0, x above 1 counts as 1 (normals a little too long). n = 0 accepts every x.
-inline float CosinePower(float x, float n) noexcept
+inline float CosinePower(double x, float n) noexcept
 {
   if (n == 0)
     return 1.f;
-  return x > 0 ? std::pow(x < 1 ? x : 1.f, n) : 0.f;
+  return x > 0 ? float(std::pow(x < 1 ? x : 1., double(n))) : 0.f;
 }
 /// An overflowed product or sum stays at the largest float.
 inline float Limited(float v) noexcept

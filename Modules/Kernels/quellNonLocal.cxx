@@ -202,20 +202,33 @@ void MeanRowImpl(const NonLocalTile& t, int y)
   }
 }
 
+using SolverD = hn::ScalableTag<double>;
+/// Normal equations of a vector of pixels, and what SolveModels makes of them. In double: with features of the
+/// condition 1 / ridge the rounding of float sums would show in the fifth digit.
+struct Solver
+{
+  double Gram[MostUnknowns][MostUnknowns][PlaneLayout::Lanes];
+  double Right[MostUnknowns][3][PlaneLayout::Lanes];
+  float Coefficients[MostUnknowns][3][PlaneLayout::Lanes];
+};
+
 /// N products of column `a` with the columns from `a` on and with the three colours, over the window.
 template <int N>
-void GramRow(const NonLocalTile& t, int a, int y, int i, NonLocalV* gram, NonLocalV* right)
+void GramRow(const NonLocalTile& t, int a, int y, int i, int lane, Solver& solver)
 {
-  using V = NonLocalV;
-  const NonLocalD d;
-  const auto p = t.layout.at(t.rowBegin, y) + i;
-  const V inverse = hn::Set(d, t.radius ? 1.f / float(t.radius) : 1.f);
+  using V = hn::Vec<SolverD>;
+  const SolverD d;
+  const hn::Rebind<float, SolverD> df;
+  const auto p = t.layout.at(t.rowBegin, y) + i + lane;
+  const auto difference = [&](const float* plane, std::ptrdiff_t q) HWY_ATTR
+  { return hn::PromoteTo(d, hn::Sub(hn::LoadU(df, plane + q), hn::LoadU(df, plane + p))); };
+  const V inverse = hn::Set(d, t.radius ? 1. / t.radius : 1.);
   V products[N], colors[3];
   for (int k = 0; k < N; ++k)
     products[k] = hn::Zero(d);
   for (int c = 0; c < 3; ++c)
     colors[c] = hn::Zero(d);
-  const float* w = t.weights + i;
+  const float* w = t.weights + i + lane;
   for (int dy = -t.radius; dy <= t.radius; ++dy)
     for (int dx = -t.radius; dx <= t.radius; ++dx, w += t.rowStride)
     {
@@ -225,51 +238,114 @@ void GramRow(const NonLocalTile& t, int a, int y, int i, NonLocalV* gram, NonLoc
       const auto column = [&](int k) HWY_ATTR
       {
         if (k >= 3)
-          return hn::Sub(hn::LoadU(d, t.regressor[k - 3] + q), hn::LoadU(d, t.regressor[k - 3] + p));
-        return k == 0 ? hn::Set(d, 1.f) : hn::Mul(inverse, hn::Set(d, float(k == 1 ? dx : dy)));
+          return difference(t.regressor[k - 3], q);
+        return k == 0 ? hn::Set(d, 1.) : hn::Mul(inverse, hn::Set(d, double(k == 1 ? dx : dy)));
       };
-      const V wa = hn::Mul(hn::LoadU(d, w), column(a));
+      const V wa = hn::Mul(hn::PromoteTo(d, hn::LoadU(df, w)), column(a));
       for (int k = 0; k < N; ++k)
         products[k] = hn::MulAdd(wa, column(a + k), products[k]);
       for (int c = 0; c < 3; ++c)
-        colors[c] = hn::MulAdd(wa, hn::Sub(hn::LoadU(d, t.target[c] + q), hn::LoadU(d, t.target[c] + p)), colors[c]);
+        colors[c] = hn::MulAdd(wa, difference(t.target[c], q), colors[c]);
     }
   for (int k = 0; k < N; ++k)
-    gram[k] = products[k];
+    hn::StoreU(products[k], d, solver.Gram[a][k] + lane);
   for (int c = 0; c < 3; ++c)
-    right[c] = colors[c];
+    hn::StoreU(colors[c], d, solver.Right[a][c] + lane);
 }
 
-void AnyGramRow(const NonLocalTile& t, int n, int a, int y, int i, NonLocalV* gram, NonLocalV* right)
+void AnyGramRow(const NonLocalTile& t, int n, int a, int y, int i, int lane, Solver& solver)
 {
   switch (n)
   {
     case 1:
-      return GramRow<1>(t, a, y, i, gram, right);
+      return GramRow<1>(t, a, y, i, lane, solver);
     case 2:
-      return GramRow<2>(t, a, y, i, gram, right);
+      return GramRow<2>(t, a, y, i, lane, solver);
     case 3:
-      return GramRow<3>(t, a, y, i, gram, right);
+      return GramRow<3>(t, a, y, i, lane, solver);
     case 4:
-      return GramRow<4>(t, a, y, i, gram, right);
+      return GramRow<4>(t, a, y, i, lane, solver);
     case 5:
-      return GramRow<5>(t, a, y, i, gram, right);
+      return GramRow<5>(t, a, y, i, lane, solver);
     case 6:
-      return GramRow<6>(t, a, y, i, gram, right);
+      return GramRow<6>(t, a, y, i, lane, solver);
     case 7:
-      return GramRow<7>(t, a, y, i, gram, right);
+      return GramRow<7>(t, a, y, i, lane, solver);
     case 8:
-      return GramRow<8>(t, a, y, i, gram, right);
+      return GramRow<8>(t, a, y, i, lane, solver);
     case 9:
-      return GramRow<9>(t, a, y, i, gram, right);
+      return GramRow<9>(t, a, y, i, lane, solver);
     case 10:
-      return GramRow<10>(t, a, y, i, gram, right);
+      return GramRow<10>(t, a, y, i, lane, solver);
     case 11:
-      return GramRow<11>(t, a, y, i, gram, right);
+      return GramRow<11>(t, a, y, i, lane, solver);
     case 12:
-      return GramRow<12>(t, a, y, i, gram, right);
+      return GramRow<12>(t, a, y, i, lane, solver);
     default:
-      return GramRow<13>(t, a, y, i, gram, right);
+      return GramRow<13>(t, a, y, i, lane, solver);
+  }
+}
+
+/// The models of the lanes from `lane` on.
+void SolveModels(Solver& solver, int m, double ridgeValue, int lane)
+{
+  const SolverD d;
+  const hn::Rebind<float, SolverD> df;
+  using V = hn::Vec<SolverD>;
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.);
+  V gram[MostUnknowns][MostUnknowns], b[MostUnknowns][3], scale[MostUnknowns];
+  for (int a = 0; a < m; ++a)
+  {
+    for (int k = 0; k < m - a; ++k)
+      gram[a][k] = hn::LoadU(d, solver.Gram[a][k] + lane);
+    for (int c = 0; c < 3; ++c)
+      b[a][c] = hn::LoadU(d, solver.Right[a][c] + lane);
+  }
+  const V weight = gram[0][0];
+  for (int a = 0; a < m; ++a)
+  {
+    const auto flat = hn::Le(gram[a][0], hn::Mul(hn::Set(d, LeastColumn), weight));
+    scale[a] = hn::IfThenZeroElse(flat, hn::Div(one, hn::Sqrt(hn::IfThenElse(flat, one, gram[a][0]))));
+  }
+  for (int a = 0; a < m; ++a)
+  {
+    for (int k = 0; k < m - a; ++k)
+      gram[a][k] = hn::Mul(gram[a][k], hn::Mul(scale[a], scale[a + k]));
+    for (int c = 0; c < 3; ++c)
+      b[a][c] = hn::Mul(b[a][c], scale[a]);
+    // A flat column has a pivot of 1 and nothing else: its coefficient is 0.
+    const V ridge = hn::Set(d, a ? ridgeValue : 0.);
+    gram[a][0] = hn::Add(hn::IfThenElse(hn::Gt(scale[a], zero), gram[a][0], one), ridge);
+  }
+  // Cholesky in place, then both substitutions.
+  for (int a = 0; a < m; ++a)
+  {
+    const V pivot = hn::Max(gram[a][0], hn::Set(d, 1e-7));
+    const V root = hn::Div(one, hn::Sqrt(pivot));
+    gram[a][0] = root; // of the reciprocal
+    for (int k = 1; k < m - a; ++k)
+      gram[a][k] = hn::Mul(gram[a][k], root);
+    for (int j = 1; j < m - a; ++j)
+      for (int k = j; k < m - a; ++k)
+        gram[a + j][k - j] = hn::NegMulAdd(gram[a][j], gram[a][k], gram[a + j][k - j]);
+  }
+  for (int c = 0; c < 3; ++c)
+  {
+    for (int a = 0; a < m; ++a)
+    {
+      b[a][c] = hn::Mul(b[a][c], gram[a][0]);
+      for (int k = 1; k < m - a; ++k)
+        b[a + k][c] = hn::NegMulAdd(gram[a][k], b[a][c], b[a + k][c]);
+    }
+    for (int a = m - 1; a >= 0; --a)
+    {
+      V v = b[a][c];
+      for (int k = 1; k < m - a; ++k)
+        v = hn::NegMulAdd(gram[a][k], b[a + k][c], v);
+      b[a][c] = hn::Mul(v, gram[a][0]);
+    }
+    for (int a = 0; a < m; ++a)
+      hn::StoreU(hn::DemoteTo(df, hn::Mul(b[a][c], scale[a])), df, solver.Coefficients[a][c] + lane);
   }
 }
 
@@ -278,8 +354,9 @@ void RegressRowImpl(const NonLocalTile& t, int y)
 {
   using V = NonLocalV;
   const NonLocalD d;
+  Solver solver;
   const int lanes = int(hn::Lanes(d)), m = 3 + t.regressors;
-  const V zero = hn::Zero(d), one = hn::Set(d, 1.f);
+  const V zero = hn::Zero(d);
   const V inverse = hn::Set(d, t.radius ? 1.f / float(t.radius) : 1.f);
   for (int i = 0; i < t.centres.x1 - t.rowBegin; i += lanes)
   {
@@ -292,55 +369,16 @@ void RegressRowImpl(const NonLocalTile& t, int y)
     if (hn::AllFalse(d, isCentre))
       continue;
     // Lower triangle by columns: gram[a][k] is row a + k of column a.
-    V gram[MostUnknowns][MostUnknowns], b[MostUnknowns][3], scale[MostUnknowns];
-    for (int a = 0; a < m; ++a)
-      AnyGramRow(t, m - a, a, y, i, gram[a], b[a]);
-    const V weight = gram[0][0];
-    for (int a = 0; a < m; ++a)
+    V b[MostUnknowns][3];
+    for (int lane = 0; lane < lanes; lane += int(hn::Lanes(SolverD())))
     {
-      const auto flat = hn::Le(gram[a][0], hn::Mul(hn::Set(d, LeastColumn), weight));
-      scale[a] = hn::IfThenZeroElse(flat, hn::Div(one, hn::Sqrt(hn::IfThenElse(flat, one, gram[a][0]))));
+      for (int a = 0; a < m; ++a)
+        AnyGramRow(t, m - a, a, y, i, lane, solver);
+      SolveModels(solver, m, t.ridge, lane);
     }
     for (int a = 0; a < m; ++a)
-    {
-      for (int k = 0; k < m - a; ++k)
-        gram[a][k] = hn::Mul(gram[a][k], hn::Mul(scale[a], scale[a + k]));
       for (int c = 0; c < 3; ++c)
-        b[a][c] = hn::Mul(b[a][c], scale[a]);
-      // A flat column has a pivot of 1 and nothing else: its coefficient is 0.
-      const V ridge = hn::Set(d, a ? t.ridge : 0.f);
-      gram[a][0] = hn::Add(hn::IfThenElse(hn::Gt(scale[a], zero), gram[a][0], one), ridge);
-    }
-    // Cholesky in place, then both substitutions.
-    for (int a = 0; a < m; ++a)
-    {
-      const V pivot = hn::Max(gram[a][0], hn::Set(d, 1e-7f));
-      const V root = hn::Div(one, hn::Sqrt(pivot));
-      gram[a][0] = root; // of the reciprocal
-      for (int k = 1; k < m - a; ++k)
-        gram[a][k] = hn::Mul(gram[a][k], root);
-      for (int j = 1; j < m - a; ++j)
-        for (int k = j; k < m - a; ++k)
-          gram[a + j][k - j] = hn::NegMulAdd(gram[a][j], gram[a][k], gram[a + j][k - j]);
-    }
-    for (int c = 0; c < 3; ++c)
-    {
-      for (int a = 0; a < m; ++a)
-      {
-        b[a][c] = hn::Mul(b[a][c], gram[a][0]);
-        for (int k = 1; k < m - a; ++k)
-          b[a + k][c] = hn::NegMulAdd(gram[a][k], b[a][c], b[a + k][c]);
-      }
-      for (int a = m - 1; a >= 0; --a)
-      {
-        V v = b[a][c];
-        for (int k = 1; k < m - a; ++k)
-          v = hn::NegMulAdd(gram[a][k], b[a + k][c], v);
-        b[a][c] = hn::Mul(v, gram[a][0]);
-      }
-      for (int a = 0; a < m; ++a)
-        b[a][c] = hn::Mul(b[a][c], scale[a]);
-    }
+        b[a][c] = hn::LoadU(d, solver.Coefficients[a][c]);
     V centre[3];
     for (int c = 0; c < 3; ++c)
       centre[c] = hn::LoadU(d, t.target[c] + p);

@@ -98,6 +98,8 @@ void SampleRowOf(const SampleRow& a, int y, int x0, int x1)
       {
         if (y + dy < t.layout.extent.y0 || y + dy >= t.layout.extent.y1)
           continue;
+        // Rows first: hundreds of weights one after the other would round in the fifth digit.
+        V rw = zero, rc[3] = { zero, zero, zero };
         for (int dx = -radius; dx <= radius; ++dx)
         {
           const auto q = p + dy * t.layout.stride + dx;
@@ -111,13 +113,16 @@ void SampleRowOf(const SampleRow& a, int y, int x0, int x1)
             e = hn::Add(e, square);
           }
           const V w = NegExp2(d, e);
-          sw = hn::Add(sw, w);
+          rw = hn::Add(rw, w);
           for (int k = 0; k < 3; ++k)
           {
             const V delta = hn::Sub(hn::LoadU(d, t.color[k] + q), c[k]);
-            sc[k] = hn::MulAdd(w, hn::Min(hn::Max(delta, minusStep), step), sc[k]);
+            rc[k] = hn::MulAdd(w, hn::Min(hn::Max(delta, minusStep), step), rc[k]);
           }
         }
+        sw = hn::Add(sw, rw);
+        for (int k = 0; k < 3; ++k)
+          sc[k] = hn::Add(sc[k], rc[k]);
       }
     }
     const auto some = hn::Gt(sw, hn::Set(d, 1e-30f));

@@ -287,7 +287,7 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
                 double cosine = 0; // its error is multiplied by sigmaNormal
                 for (int c = 0; c < 3; ++c)
                   cosine += double(a.guides.normal[c][p]) * a.guides.normal[c][q];
-                w *= CosinePower(float(cosine), a.sigmaNormal);
+                w *= CosinePower(cosine, a.sigmaNormal);
               }
               others += w;
             }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "Threads.h"
 #include "TestStages.h"
 #include "quellFrameHistory.h"
 #include "vtkDataArray.h"
@@ -7,10 +8,12 @@
 #include "vtkNew.h"
 #include "vtkPointData.h"
 #include "vtkQuellCollector.h"
-#include "vtkSMPTools.h"
 
+#include <atomic>
+#include <chrono>
 #include <cstring>
 #include <gtest/gtest.h>
+#include <thread>
 
 using namespace quelltest;
 
@@ -273,6 +276,24 @@ TEST(Stage, FinishIsNoCancel)
   EXPECT_FALSE(token->IsFinishing());
 }
 
+// What the tests with threads rest on: seven pieces of work meet, so seven threads are at work at once.
+TEST(Threads, AreAsManyAsAsked)
+{
+  for (int threads : { 2, 3, 7 })
+  {
+    std::atomic<int> begun{ 0 };
+    const auto meet = [&](vtkIdType, vtkIdType)
+    {
+      ++begun;
+      const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+      while (begun < threads && std::chrono::steady_clock::now() < end)
+        std::this_thread::yield();
+      EXPECT_GE(begun, threads) << "a thread is missing";
+    };
+    quelltest::WithThreads(threads, [&] { vtkSMPTools::For(0, threads, 1, meet); });
+  }
+}
+
 TEST(Stage, SameBitsForAnyNumberOfThreads)
 {
   std::vector<float> first;
@@ -283,7 +304,7 @@ TEST(Stage, SameBitsForAnyNumberOfThreads)
     source->SetHeight(130);
     vtkNew<vtkQuellTestBox> box;
     box->ConnectInput("radiance", source);
-    vtkSMPTools::LocalScope(vtkSMPTools::Config{ threads }, [&] { box->Update(); });
+    quelltest::WithThreads(threads, [&] { box->Update(); });
     auto array = box->GetOutput()->GetPointData()->GetArray("radiance");
     const float* p = static_cast<float*>(array->GetVoidPointer(0));
     std::vector<float> v(p, p + array->GetNumberOfValues());

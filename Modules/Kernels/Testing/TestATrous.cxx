@@ -235,12 +235,14 @@ TEST(ATrous, ScalarAgreesWithEveryTarget)
               {
                 const Result simd = Filter(s.color.extent, s, variance, normals, ids, passes, change);
                 const Difference c = Compare(simd.color.data, scalar.color.data);
-                EXPECT_LT(c.relative, passes == 1 ? 1e-5 : 5e-5)
-                  << name << " " << sigmaNormal << " " << variance << normals << ids;
+                EXPECT_LT(c.relative, 1e-5) << name << " " << sigmaNormal << " " << variance << normals << ids;
                 EXPECT_LT(c.smape, 1e-6) << name;
                 if (variance)
                 {
-                  EXPECT_LT(Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, 2e-4) << name;
+                  // Squared weights, with the rounding of a cosine to the power 128 in each of four passes.
+                  EXPECT_LT(
+                    Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, passes == 1 ? 1e-5 : 2.5e-5)
+                    << name;
                 }
               });
           }

@@ -90,10 +90,9 @@ TEST(NonLocal, ScalarAgreesWithEveryTarget)
       ForEachTarget(
         [&](const char* name)
         {
-          // A model is the solution of a system whose condition is that of the features.
-          const Difference d = Compare(Filtered(in, p, s.color.extent).data, scalar.data, regress ? 0.05 : 1e-6);
-          EXPECT_LT(d.relative, regress ? 1e-3 : 1e-5) << name << " " << regress << features;
-          EXPECT_LT(d.smape, regress ? 1e-5 : 1e-6) << name << " " << regress << features;
+          const Difference d = Compare(Filtered(in, p, s.color.extent).data, scalar.data, 1e-3);
+          EXPECT_LT(d.relative, 1e-5) << name << " " << regress << features;
+          EXPECT_LT(d.smape, 1e-6) << name << " " << regress << features;
         });
     }
 }

@@ -175,10 +175,10 @@ TEST(Variance, ScalarAgreesWithEveryTarget)
           [&](const char* name)
           {
             const Result simd = Estimate(s.color.extent, s, temporal, ids, change);
-            // The rounding of the cosine is raised to the power 128.
-            EXPECT_LT(Compare(simd.color.data, scalar.color.data).relative, 1.5e-5) << name;
-            EXPECT_LT(Compare(simd.color.data, scalar.color.data).smape, 1e-6) << name;
-            EXPECT_LT(Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, 1e-4) << name;
+            // The rounding of the cosine is raised to the power 128 (seven squarings in float: 7e-6 of a weight).
+            EXPECT_LT(Compare(simd.color.data, scalar.color.data, 0.1).relative, 1.1e-5) << name;
+            EXPECT_LT(Compare(simd.color.data, scalar.color.data, 0.1).smape, 1e-6) << name;
+            EXPECT_LT(Compare(simd.variance.data, scalar.variance.data, 1e-6).relative, 2e-5) << name;
           });
       }
 }

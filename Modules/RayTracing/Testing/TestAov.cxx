@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Layers, statistics and features of the path tracer: identities, what they say about the picture, and the same bits
 // however it is made.
+#include "Threads.h"
 #include "RenderScene.h"
 #include "quellSimd.h"
 #include "vtkQuellPathTraceSource.h"
@@ -9,7 +10,6 @@
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkPointData.h"
-#include "vtkSMPTools.h"
 
 #include <gtest/gtest.h>
 
@@ -1038,7 +1038,7 @@ TEST(SameBits, Threads)
   for (int threads : { 1, 2, 3, 7 })
   {
     std::vector<float> out;
-    vtkSMPTools::LocalScope(vtkSMPTools::Config{ threads },
+    quelltest::WithThreads(threads,
       [&]()
       {
         vtkNew<vtkQuellPathTraceSource> s;
