@@ -149,6 +149,15 @@ void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par,
   {
     const V z = hn::LoadU(d, surface[1]->depth + i + 1);
     const auto hit = hn::Lt(hn::Abs(z), inf);
+    if (!par.backgroundHistory && hn::AllFalse(d, hit))
+    {
+      hn::StoreInterleaved3(zero, zero, zero, d, out.color + 3 * i);
+      hn::StoreInterleaved2(zero, zero, d, out.moments + 2 * i);
+      hn::StoreU(zero, d, out.history + i);
+      hn::StoreU(hn::Set(d, float(int(ReprojectMask::Background))), d, out.mask + i);
+      hn::StoreU(zero, d, out.again + i);
+      continue;
+    }
     const V id = hn::LoadU(d, surface[1]->id + i + 1);
     const auto slope = [&](const SurfaceRow& ra, const SurfaceRow& rb, int oa, int ob) HWY_ATTR
     {
@@ -306,7 +315,10 @@ void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par,
     hn::StoreInterleaved2(mix[3], mix[4], d, out.moments + 2 * i);
     hn::StoreU(mix[5], d, out.history + i);
     hn::StoreU(hn::IfThenElseZero(rejected, one), d, out.mask + i);
-    hn::StoreU(hn::IfThenElseZero(hn::Or(huge, hn::Not(hn::And(on, enough))), one), d, out.again + i);
+    auto again = hn::Or(huge, hn::Not(hn::And(on, enough)));
+    if (!par.backgroundHistory) // a few pixels at the edges of surfaces: cleared one by one
+      again = hn::Or(again, hn::Not(hit));
+    hn::StoreU(hn::IfThenElseZero(again, one), d, out.again + i);
   }
 }
 }
@@ -626,6 +638,11 @@ void ReprojectPixel(
   if (!in.history)
   {
     Clear(out, x, y, ReprojectMask::NoHistory);
+    return;
+  }
+  if (!par.backgroundHistory && !std::isfinite(*in.depth.at(x, y)))
+  {
+    Clear(out, x, y, ReprojectMask::Background);
     return;
   }
   Target target;

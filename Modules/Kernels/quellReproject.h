@@ -52,7 +52,8 @@ enum class ReprojectMask
   IdDiffers = 7,
   DepthDiffers = 8,
   NormalDiffers = 9,
-  BadHistory = 10 ///< not finite, or a pixel that had no sample yet (length 0)
+  BadHistory = 10, ///< not finite, or a pixel that had no sample yet (length 0)
+  Background = 11  ///< nothing was hit, and the parameters say that such pixels have none
 };
 
 /// Views of the current frame and of what was kept of the previous one. Absent views switch their test off; `depth`
@@ -75,6 +76,7 @@ struct ReprojectParameters
   double normalThreshold = 0.9;
   double minimumWeight = 0.01;
   bool catmullRom = false;
+  bool backgroundHistory = false; ///< whether pixels where nothing was hit have a history
 };
 
 /// Any of them may be absent.
@@ -99,6 +101,11 @@ struct ReprojectOutputs
 /// movingDepthTolerance z; otherwise it is the sideways distance, at that depth, that the extra motion stands for, i.e.
 /// the object may have moved in depth as much as it moved sideways. Without cameras z_expected is the current depth and
 /// slack movingDepthTolerance z.
+///
+/// A pixel where nothing was hit has no history unless backgroundHistory says so. The light that reaches it is 0 or,
+/// where a surface covers part of it, that part; the surface moves on, the background does not move with it, and what
+/// its history kept of the surface (1/n of it after n frames) would stay behind as specks. Nothing is lost: what is
+/// seen of the background itself has no noise.
 ///
 /// Weights of valid taps are renormalised when they sum to minimumWeight or more; otherwise the valid pixels of the 3 x
 /// 3 around q are averaged; otherwise everything is 0. catmullRom sharpens the colour where all taps are valid (4 x 4

@@ -59,7 +59,12 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
     "frame.\n\n"
     "mask: 0 all taps, 1 some taps, 2 from the 3 x 3; no history: 3 no previous frame, 4 off screen, 5 not "
     "projectable, "
-    "6 surface against background, 7 id, 8 depth, 9 normal, 10 history not finite or empty.\n\n"
+    "6 surface against background, 7 id, 8 depth, 9 normal, 10 history not finite or empty, 11 background.\n\n"
+    "Pixels where nothing was hit have no history unless BackgroundHistory is on. Their light is 0, or that of a "
+    "surface "
+    "which covers a part of the pixel; the surface moves on and a history would keep 1/n of it where it was, as "
+    "specks. "
+    "What is seen of the background itself has no noise.\n\n"
     "Border: taps outside are rejected. Non-finite history is rejected; a non-finite depth is background; a non-finite "
     "motion is off screen. Source: Schied et al. 2017, section 4.";
   d.Input("depth", ArrayKind::Depth, "depth", "this frame's depth");
@@ -83,7 +88,7 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
   d.Output("radiance", ArrayKind::Color, "the history's colour; 0 without history");
   d.Output("moments", ArrayKind::Moments, "the history's moments");
   d.Output("history", ArrayKind::History, "the history's length in frames; 0 where there is none");
-  d.Output("mask", ArrayKind::Scalar, "how each pixel got its history or why it has none (0 to 10)");
+  d.Output("mask", ArrayKind::Scalar, "how each pixel got its history or why it has none (0 to 11)");
   QUELL_DOUBLE(d, DepthTolerance, "", "accepted depth difference, in (slope per pixel + DepthEpsilon depth)");
   QUELL_DOUBLE(d, DepthEpsilon, "", "part of the depth tolerated on a surface seen face on");
   QUELL_DOUBLE(d, MovingDepthTolerance, "", "further part of the depth tolerated where the point itself moved");
@@ -92,6 +97,8 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
   QUELL_DOUBLE(d, MinimumWeight, "", "bilinear weight that valid taps must have together");
   QUELL_ENUM(d, Interpolation, "colour where all taps are valid: Bilinear smooths, CatmullRom keeps detail", "Bilinear",
     "CatmullRom");
+  QUELL_BOOL(d, BackgroundHistory,
+    "keep a history where nothing was hit: still cameras converge there, moving surfaces leave specks");
 }
 
 bool vtkQuellReproject::NeedsInput(int port, const quell::ArraySet&) const
@@ -167,6 +174,7 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
   parameters.normalThreshold = this->NormalThreshold;
   parameters.minimumWeight = this->MinimumWeight;
   parameters.catmullRom = this->Interpolation == CatmullRom;
+  parameters.backgroundHistory = this->BackgroundHistory;
   const quell::ReprojectOutputs out{ frame.Output("radiance"), frame.Output("moments"), frame.Output("history"),
     frame.Output("mask") };
   this->ForEachTile(frame.Region(), 64, [&](const quell::Rect& tile) { quell::Reproject(in, parameters, out, tile); });

@@ -17,7 +17,10 @@
  *
  * mask: 0 every tap valid; 1 some taps rejected; 2 from the 3 x 3 neighbourhood; and without history: 3 no previous
  * frame; 4 outside of it; 5 not projectable; 6 surface against background; 7 other id; 8 other depth; 9 other normal;
- * 10 history not finite or empty.
+ * 10 history not finite or empty; 11 background.
+ *
+ * Background, where nothing was hit, has no history unless BackgroundHistory is on: its light is 0 or that of a surface
+ * which covers a part of the pixel, and of a surface that moves on a history would keep 1/n as specks.
  *
  * Border: taps outside of the frame are rejected. Non-finite: such history is rejected; non-finite depth is background.
  */
@@ -68,6 +71,12 @@ public:
   vtkGetMacro(Interpolation, int);
   ///@}
 
+  ///@{ Whether pixels where nothing was hit have a history; default off. On, partly covered pixels of a still camera
+  /// converge, and moving surfaces leave specks behind.
+  vtkSetMacro(BackgroundHistory, bool);
+  vtkGetMacro(BackgroundHistory, bool);
+  ///@}
+
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
   std::vector<std::string> Explain() override;
   bool FillsOutputs() const override { return true; }
@@ -86,6 +95,7 @@ private:
   double NormalThreshold = 0.9;
   double MinimumWeight = 0.01;
   int Interpolation = Bilinear;
+  bool BackgroundHistory = false;
 
   vtkQuellReproject(const vtkQuellReproject&) = delete;
   void operator=(const vtkQuellReproject&) = delete;

@@ -202,6 +202,7 @@ TEST(Reproject, IdentityIsBitExact)
   s.depth.fill([](int x, int y, float* v) { *v = 3 + 0.01f * x + 0.002f * y; });
   s.previousDepth = s.depth;
   *s.depth.at(4, 4) = *s.previousDepth.at(4, 4) = Inf;
+  s.par.backgroundHistory = true;
   const Camera camera{ { 0.3, -12, 7.7 }, 0.4 };
   for (bool byCamera : { false, true })
   {
@@ -335,7 +336,13 @@ TEST(Reproject, ReasonsAreReported)
     return ReprojectMask(s.maskAt(4, 4));
   };
   EXPECT_EQ(reason([](TwoFrames& s) { s.previousDepth = Picture(s.frame, 1, Inf); }), ReprojectMask::HitDiffers);
-  EXPECT_EQ(reason([](TwoFrames& s) { s.depth = Picture(s.frame, 1, Inf); }), ReprojectMask::HitDiffers);
+  EXPECT_EQ(reason([](TwoFrames& s) { s.depth = Picture(s.frame, 1, Inf); }), ReprojectMask::Background);
+  const auto kept = [](TwoFrames& s)
+  {
+    s.depth = Picture(s.frame, 1, Inf);
+    s.par.backgroundHistory = true;
+  };
+  EXPECT_EQ(reason(kept), ReprojectMask::HitDiffers);
   EXPECT_EQ(reason([](TwoFrames& s) { s.previousId = Picture(s.frame, 1, 2); }), ReprojectMask::IdDiffers);
   EXPECT_EQ(reason([](TwoFrames& s) { s.previousDepth = Picture(s.frame, 1, 9); }), ReprojectMask::DepthDiffers);
   EXPECT_EQ(reason([](TwoFrames& s) { s.previousNormal = Picture(s.frame, 3, 0.577f); }), ReprojectMask::NormalDiffers);
@@ -578,6 +585,7 @@ TEST(Reproject, MovingObjectUncoversTheWall)
 TEST(Reproject, BackgroundMovesWithRotationOnly)
 {
   TwoFrames s(32, 32);
+  s.par.backgroundHistory = true;
   s.depth = s.previousDepth = Picture(s.frame, 1, Inf);
   s.id = s.previousId = Picture(s.frame, 1, 0);
   s.normal = s.previousNormal = Picture(s.frame, 3, 0);
@@ -594,6 +602,42 @@ TEST(Reproject, BackgroundMovesWithRotationOnly)
   s.run();
   const double d = std::atan((11 + 0.5 - 16) / 16. / 2) - 0.1;
   EXPECT_NEAR(s.color.at(11, 16)[0], 16 + 16 * 2 * std::tan(d) - 0.5, 1e-4);
+}
+
+// Whole vectors of background, its edge, and scalar code: nothing is fetched there, whatever the history holds.
+TEST(Reproject, BackgroundHasNoHistory)
+{
+  TwoFrames s(300, 6);
+  s.depth.fill([](int x, int, float* z) { *z = x < 150 || x == 270 ? 3.f : Inf; });
+  s.previousDepth = s.depth;
+  s.previousDepth.at(10, 2)[0] = Inf; // a surface does not take the background's history either
+  s.move(0.4, 0);
+  for (const bool camera : { false, true }) // by motion: vectors; by cameras alone: scalar
+  {
+    s.connect();
+    if (camera)
+    {
+      s.in.motion = ImageIn();
+      s.in.current = s.in.previous = Camera{ { 0, 0, 0 } }.view(s.frame);
+    }
+    quelltest::ForEachTarget(
+      [&](const char* name)
+      {
+        s.run();
+        for (int y = 0; y < 6; ++y)
+          for (int x = 0; x < 300; ++x)
+          {
+            const bool hit = x < 150 || x == 270;
+            ASSERT_EQ(*s.outLength.at(x, y) > 0, hit) << name << " " << x << " " << y;
+            if (!hit)
+            {
+              ASSERT_EQ(s.maskAt(x, y), int(ReprojectMask::Background)) << name << " " << x;
+              ASSERT_EQ(s.color.at(x, y)[0], 0.f) << name << " " << x;
+              ASSERT_EQ(s.outMoments.at(x, y)[1], 0.f) << name << " " << x;
+            }
+          }
+      });
+  }
 }
 
 TEST(Reproject, PointsBehindThePreviousCameraAreInvalid)

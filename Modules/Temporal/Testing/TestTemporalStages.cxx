@@ -33,7 +33,8 @@ public:
   QUELL_STAGE(vtkQuellTestFrames);
 
   int Frame = 0;
-  double Amplitude = 0.5; ///< of the noise, uniform in +-Amplitude around 1
+  double Amplitude = 0.5, Base = 1; ///< noise, uniform in +-Amplitude around Base
+  int SpotX = -1, SpotY = -1;       ///< a pixel that is 1
   double ShiftX = 0, ShiftY = 0;
   int BadX = -1, BadY = -1; ///< a NaN pixel
   void SetFrame(int frame)
@@ -70,9 +71,10 @@ protected:
         const bool hit = (x - 60) * (x - 60) + (y - 50) * (y - 50) > 64;
         if (ImageOut o = frame.Output("radiance"))
           for (int c = 0; c < 3; ++c)
-            o.at(x, y)[c] = x == this->BadX && y == this->BadY
-                              ? std::numeric_limits<float>::quiet_NaN()
-                              : float(1 + this->Amplitude * (2 * Noise(x, y, this->Frame, c) - 1));
+            o.at(x, y)[c] = x == this->BadX && y == this->BadY ? std::numeric_limits<float>::quiet_NaN()
+                            : x == this->SpotX && y == this->SpotY
+                              ? 1.f
+                              : float(this->Base + this->Amplitude * (2 * Noise(x, y, this->Frame, c) - 1));
         const int surface = (x / 23 + y / 17) % 3;
         if (ImageOut o = frame.Output("depth"))
           *o.at(x, y) = hit ? 4 + surface + 0.01f * x : std::numeric_limits<float>::infinity();
@@ -226,6 +228,7 @@ TEST(TemporalStages, StillCameraGrowsHistoryAndTheErrorFallsAsPredicted)
   {
     Chain c(motion);
     c.accumulate->SetAlpha(0.05);
+    c.reproject->SetBackgroundHistory(true); // its noise is that of the surfaces here
     double predicted = 1;
     const double first = 0.5 * 0.5 / 3; // variance of a uniform number in +-0.5
     for (int frame = 0; frame < 40; ++frame)
@@ -253,6 +256,32 @@ TEST(TemporalStages, StillCameraGrowsHistoryAndTheErrorFallsAsPredicted)
     EXPECT_LT(predicted, 0.03);
     // Neither motion nor cameras: the camera is taken to stand still, and the user is told.
     EXPECT_EQ(c.reproject->GetWarnings().size(), motion ? 0u : 1u);
+  }
+}
+
+// The camera passes a lit wall: at its edge a pixel of background is partly covered in one frame. That light is gone
+// with the wall; a history of the background keeps a part of it for ever (1 / n of it after n frames).
+TEST(TemporalStages, PartlyCoveredBackgroundLeavesNoSpecks)
+{
+  const int x = 60, y = 50; // in the hole of the test's surfaces
+  for (bool kept : { false, true })
+  {
+    Chain c;
+    c.accumulate->SetAlpha(0.05);
+    c.reproject->SetBackgroundHistory(kept);
+    c.frames->Amplitude = 0;
+    c.frames->Base = 0;
+    c.frames->SpotX = x, c.frames->SpotY = y;
+    for (int frame = 0; frame < 6; ++frame)
+    {
+      c.run(frame);
+      vtkImageData* out = c.accumulate->GetOutput();
+      EXPECT_NEAR(Value(out, "radiance", x, y), frame == 0 ? 1. : kept ? 1. / (frame + 1) : 0., 1e-6) << frame;
+      EXPECT_EQ(Value(out, "history", x, y), kept ? frame + 1 : 1) << frame;
+      c.commit();
+      c.frames->SpotX = -1;
+      c.frames->Modified();
+    }
   }
 }
 
