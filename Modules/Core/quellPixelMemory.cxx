@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellPixelMemory.h"
 
+#include <sys/mman.h>
+
 #include <cstdlib>
 #include <mutex>
 #include <new>
@@ -10,13 +12,22 @@ namespace quell
 {
 namespace
 {
-constexpr std::size_t Header = 64; // before each block: its size
+constexpr std::size_t Line = 64, Page = 4096, LargePage = std::size_t(2) << 20;
+
+/// Before the floats of each block.
+struct Header
+{
+  void* Start = nullptr;
+  std::size_t Size = 0; ///< bytes of floats
+};
+static_assert(sizeof(Header) <= Line);
 
 struct Pool
 {
   std::mutex Mutex;
-  std::vector<char*> Free; ///< oldest first
+  std::vector<float*> Free; ///< oldest first
   std::size_t Bytes = 0;
+  std::size_t Made = 0;
 };
 
 /// Never destroyed: arrays may outlive static objects.
@@ -26,46 +37,65 @@ Pool& ThePool()
   return *pool;
 }
 
-std::size_t& SizeOf(char* block)
+Header& HeaderOf(float* floats)
 {
-  return *reinterpret_cast<std::size_t*>(block);
+  return *reinterpret_cast<Header*>(reinterpret_cast<char*>(floats) - Line);
+}
+
+/// `number`: of the block.
+float* NewBlock(std::size_t size, std::size_t number)
+{
+  const bool large = size >= LargePage;
+  // Large blocks begin at different places of a large page: the same pixel of many arrays would else fall into the same
+  // few lines of every cache.
+  const std::size_t offset = Line + (large ? number % 16 * (Page + Line) : 0);
+  const std::size_t bytes = offset + size;
+  char* start = static_cast<char*>(std::aligned_alloc(large ? LargePage : Line, bytes));
+  if (!start)
+    throw std::bad_alloc();
+#ifdef MADV_HUGEPAGE
+  // A wish: where the system does not grant it, small pages do.
+  if (large)
+    madvise(start, bytes / Page * Page, MADV_HUGEPAGE);
+#endif
+  float* floats = reinterpret_cast<float*>(start + offset);
+  HeaderOf(floats) = { start, size };
+  return floats;
 }
 }
 
 float* TakePixelMemory(std::size_t floats)
 {
-  const std::size_t size = Header + (floats * sizeof(float) + 63) / 64 * 64;
+  const std::size_t size = (floats * sizeof(float) + Line - 1) / Line * Line;
+  std::size_t number = 0;
   {
     Pool& pool = ThePool();
     std::lock_guard<std::mutex> lock(pool.Mutex);
     for (std::size_t i = pool.Free.size(); i-- > 0;)
-      if (SizeOf(pool.Free[i]) == size)
+      if (HeaderOf(pool.Free[i]).Size == size)
       {
-        char* block = pool.Free[i];
+        float* block = pool.Free[i];
         pool.Free.erase(pool.Free.begin() + std::ptrdiff_t(i));
         pool.Bytes -= size;
-        return reinterpret_cast<float*>(block + Header);
+        return block;
       }
+    number = pool.Made++;
   }
-  char* block = static_cast<char*>(std::aligned_alloc(64, size));
-  if (!block)
-    throw std::bad_alloc();
-  SizeOf(block) = size;
-  return reinterpret_cast<float*>(block + Header);
+  return NewBlock(size, number);
 }
 
 void GivePixelMemory(void* memory) noexcept
 {
   if (!memory)
     return;
-  char* block = static_cast<char*>(memory) - Header;
+  float* block = static_cast<float*>(memory);
   Pool& pool = ThePool();
   std::lock_guard<std::mutex> lock(pool.Mutex);
-  const std::size_t size = SizeOf(block);
+  const std::size_t size = HeaderOf(block).Size;
   // Small blocks are malloc's business.
   if (size < 65536 || size > PixelMemoryKept)
   {
-    std::free(block);
+    std::free(HeaderOf(block).Start);
     return;
   }
   try
@@ -74,14 +104,14 @@ void GivePixelMemory(void* memory) noexcept
   }
   catch (...)
   {
-    std::free(block);
+    std::free(HeaderOf(block).Start);
     return;
   }
   pool.Bytes += size;
   while (pool.Bytes > PixelMemoryKept)
   {
-    pool.Bytes -= SizeOf(pool.Free.front());
-    std::free(pool.Free.front());
+    pool.Bytes -= HeaderOf(pool.Free.front()).Size;
+    std::free(HeaderOf(pool.Free.front()).Start);
     pool.Free.erase(pool.Free.begin());
   }
 }

@@ -8,9 +8,11 @@
 
 namespace quell
 {
-/// Memory of output arrays, used again: frame after frame the same sizes are asked for, and fresh pages from the system
-/// cost as much as a cheap stage (they are cleared before a stage fills them). Blocks begin at 64 bytes. At most
-/// PixelMemoryKept bytes that nobody uses are kept; safe from any thread.
+/// Memory of output arrays and of scratch planes, used again: frame after frame the same sizes are asked for, and fresh
+/// pages from the system cost as much as a cheap stage (they are cleared before a stage fills them). Blocks begin at 64
+/// bytes. Large ones ask for large pages: a filter reads dozens of rows at once, each on a page of its own, and with
+/// small pages a fifth of its time goes into finding them. At most PixelMemoryKept bytes that nobody uses are kept;
+/// safe from any thread.
 constexpr std::size_t PixelMemoryKept = std::size_t(64) << 20;
 /// Contents are arbitrary. Throws std::bad_alloc.
 VTKQUELLCORE_EXPORT float* TakePixelMemory(std::size_t floats);

@@ -2,12 +2,12 @@
 #ifndef quellPixelCount_h
 #define quellPixelCount_h
 
+#include "quellPixelMemory.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
 
 #include <atomic>
 #include <memory>
-#include <new>
 
 namespace quell
 {
@@ -24,8 +24,8 @@ private:
   mutable std::atomic<std::int64_t> Pixels{ 0 };
 };
 
-/// Uninitialised floats that grow and are kept: fresh memory costs more than a filter pass (its pages are touched
-/// twice). They begin at 64 bytes, the widest vector.
+/// Uninitialised floats (TakePixelMemory) that grow and are kept: fresh memory costs more than a filter pass (its pages
+/// are touched twice).
 class VTKQUELLDENOISING_EXPORT Scratch
 {
 public:
@@ -33,7 +33,9 @@ public:
   {
     if (count > this->Size)
     {
-      this->Data.reset(static_cast<float*>(::operator new(count * sizeof(float), std::align_val_t(64))));
+      this->Data.reset(); // not both at the same time
+      this->Size = 0;
+      this->Data.reset(TakePixelMemory(count));
       this->Size = count;
     }
     return this->Data.get();
@@ -42,7 +44,7 @@ public:
 private:
   struct Free
   {
-    void operator()(float* data) const { ::operator delete(data, std::align_val_t(64)); }
+    void operator()(float* data) const { GivePixelMemory(data); }
   };
   std::unique_ptr<float[], Free> Data;
   std::size_t Size = 0;

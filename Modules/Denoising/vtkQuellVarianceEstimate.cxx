@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkQuellVarianceEstimate.h"
 
+#include "quellGuidedPlanes.h"
 #include "quellVariance.h"
 #include "vtkObjectFactory.h"
 
@@ -18,7 +19,7 @@ enum Ports
   Normal,
   Id
 };
-constexpr int RowsPerTask = 8;
+constexpr int TileWidth = 128, TileRows = 16; // the planes of one lie in the second cache
 }
 
 void vtkQuellVarianceEstimate::Describe(quell::StageDescription& d)
@@ -69,49 +70,57 @@ int vtkQuellVarianceEstimate::HaloFor(int) const
 void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
 {
   const quell::Rect region = frame.Region();
-  const quell::Rect read = region.grown(quell::VariancePass::Radius).clipped(frame.Whole());
   const quell::ImageIn color = frame.Input(Radiance), moments = frame.Input(Moments), length = frame.Input(Length);
   const quell::ImageIn depth = frame.Input(Depth), normal = frame.Input(Normal), id = frame.Input(Id);
-  const quell::ImageOut colorOut = frame.Output("radiance");
+  const quell::ImageOut colorOut = frame.Output("radiance"), varianceOut = frame.Output("variance");
 
-  quell::VariancePass pass;
-  const bool temporal = bool(moments) || bool(length);
-  this->Planes.Begin(read, quell::VariancePass::Radius, 12, depth, normal, id);
-  pass.in = this->Planes.TakeColor(true, true, false);
-  pass.out = this->Planes.TakeColor(bool(colorOut), false, true);
-  pass.moments.mean = this->Planes.Take(bool(moments));
-  pass.moments.central = this->Planes.Take(bool(moments));
-  pass.moments.history = this->Planes.Take(temporal);
-  pass.guides = this->Planes.Guides;
-  pass.sigmaDepth = float(this->SigmaDepth);
-  pass.sigmaNormal = float(this->SigmaNormal);
-  pass.depthEpsilon = float(this->DepthEpsilon);
-  pass.minimumHistory = float(this->MinimumHistory);
-  pass.ofMean = this->VarianceOf == 1;
-  pass.maximumSamples = float(this->MaximumSamples);
+  quell::VariancePass parameters;
+  parameters.sigmaDepth = float(this->SigmaDepth);
+  parameters.sigmaNormal = float(this->SigmaNormal);
+  parameters.depthEpsilon = float(this->DepthEpsilon);
+  parameters.minimumHistory = float(this->MinimumHistory);
+  parameters.ofMean = this->VarianceOf == 1;
+  parameters.maximumSamples = float(this->MaximumSamples);
 
   this->NonFinite.Reset();
-  const auto rows = [this](const quell::Rect& r, auto&& body)
+  std::atomic<std::int64_t> estimated{ 0 };
+  const auto inSpace = [&](const quell::Rect& tile)
   {
-    this->ForEachTile(
-      { 0, r.y0, 1, r.y1 }, RowsPerTask, [&body](const quell::Rect& strip) { body(strip.y0, strip.y1); });
+    static thread_local quell::GuidedPlanes planes;
+    quell::VariancePass pass = parameters;
+    const bool temporal = bool(moments) || bool(length);
+    planes.Begin(tile.grown(quell::VariancePass::Radius).clipped(frame.Whole()), quell::VariancePass::Radius, 12, depth,
+      normal, id);
+    pass.in = planes.TakeColor(true, true, false);
+    pass.out = planes.TakeColor(bool(colorOut), false, true);
+    pass.moments.mean = planes.Take(bool(moments));
+    pass.moments.central = planes.Take(bool(moments));
+    pass.moments.history = planes.Take(temporal);
+    pass.guides = planes.Guides;
+    planes.Fill([](const quell::Rect& r, auto&& body) { body(r.y0, r.y1); },
+      [&](int y0, int y1)
+      {
+        this->NonFinite.Add(quell::CopyColor(color, quell::ImageIn(), pass.guides, pass.in, y0, y1, tile));
+        if (temporal)
+          quell::CopyMoments(moments, length, pass.guides.layout, pass.in, pass.moments, pass.minimumHistory, y0, y1);
+      });
+    for (int y = tile.y0; y < tile.y1; ++y)
+      quell::VarianceRow(pass, y, tile.x0, tile.x1);
+    quell::StoreFiltered(pass.guides, pass.out, color, quell::ImageIn(), colorOut, varianceOut, tile);
+    estimated += tile.area();
   };
-  this->Planes.Fill(rows,
-    [&](int y0, int y1)
+  const int across = (region.width() + TileWidth - 1) / TileWidth, up = (region.height() + TileRows - 1) / TileRows;
+  this->ForEachTile({ 0, 0, across, up }, 1,
+    [&](const quell::Rect& t)
     {
-      this->NonFinite.Add(quell::CopyColor(color, quell::ImageIn(), pass.guides, pass.in, y0, y1, region));
-      if (temporal)
-        quell::CopyMoments(moments, length, pass.guides.layout, pass.in, pass.moments, pass.minimumHistory, y0, y1);
-    });
-  rows(region,
-    [&](int y0, int y1)
-    {
-      for (int y = y0; y < y1; ++y)
-        quell::VarianceRow(pass, y, region.x0, region.x1);
-      quell::StoreFiltered(pass.guides, pass.out, color, quell::ImageIn(), colorOut, frame.Output("variance"),
-        { region.x0, y0, region.x1, y1 });
+      const int x = region.x0 + t.x0 * TileWidth, y = region.y0 + t.y0 * TileRows;
+      const quell::Rect tile{ x, y, std::min(x + TileWidth, region.x1), std::min(y + TileRows, region.y1) };
+      // After some frames nearly every tile ends here.
+      if (!moments ||
+          !quell::VarianceOverFrames(parameters, color, moments, length, depth, colorOut, varianceOut, tile))
+        inSpace(tile);
     });
   constexpr int side = 2 * quell::VariancePass::Radius + 1;
-  this->Counters.Taps += region.area() * side * side;
+  this->Counters.Taps += estimated * side * side;
   this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
 }

@@ -13,7 +13,7 @@
 #ifndef vtkQuellVarianceEstimate_h
 #define vtkQuellVarianceEstimate_h
 
-#include "quellGuidedPlanes.h"
+#include "quellPixelCount.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
 
@@ -62,7 +62,6 @@ private:
   int MinimumHistory = 4, VarianceOf = 0;
   double MaximumSamples = 9, SigmaDepth = 1, SigmaNormal = 128, DepthEpsilon = 1e-4;
   quell::PixelCount NonFinite;
-  quell::GuidedPlanes Planes;
 
   vtkQuellVarianceEstimate(const vtkQuellVarianceEstimate&) = delete;
   void operator=(const vtkQuellVarianceEstimate&) = delete;

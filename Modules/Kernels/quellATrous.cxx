@@ -183,6 +183,9 @@ void Centres(const ATrousPass& a, int x, int y, int count, const float* const* u
     offset[2 * k] = layout.at(x + DirectionX[k] * a.step, TapRow(layout, y + DirectionY[k] * a.step)) - first;
     offset[2 * k + 1] = layout.at(x - DirectionX[k] * a.step, TapRow(layout, y - DirectionY[k] * a.step)) - first;
   }
+  // Rows follow each other: what the next one reads and writes and this one does not (prefetchers follow fewer rows).
+  const std::ptrdiff_t read = layout.at(x, TapRow(layout, y + 3 * a.step)) - first;
+  const std::ptrdiff_t write = layout.at(x, TapRow(layout, y + a.step)) - first;
   const float* HWY_RESTRICT depth = a.guides.depth;
   const float* HWY_RESTRICT luminance = a.in.luminance;
   const float *HWY_RESTRICT red = a.in.color[0], *HWY_RESTRICT green = a.in.color[1],
@@ -190,6 +193,22 @@ void Centres(const ATrousPass& a, int x, int y, int count, const float* const* u
   for (int i = 0; i < count; i += lanes)
   {
     const auto p = first + i;
+    for (const float* plane : { depth, luminance, red, green, blue })
+      __builtin_prefetch(plane + p + read);
+    for (int c = 0; c < 3; ++c)
+    {
+      if (a.guides.normal[c])
+        __builtin_prefetch(a.guides.normal[c] + p + read);
+      __builtin_prefetch(a.out.color[c] + p + write, 1);
+    }
+    __builtin_prefetch(a.guides.slopeX + p + write);
+    __builtin_prefetch(a.guides.slopeY + p + write);
+    __builtin_prefetch(a.out.luminance + p + write, 1);
+    if (HasVariance)
+    {
+      __builtin_prefetch(variance + p + read);
+      __builtin_prefetch(a.out.variance + p + write, 1);
+    }
     const V z = hn::LoadU(d, depth + p);
     const auto hit = hn::Lt(z, inf);
     const V r = hn::LoadU(d, red + p), g = hn::LoadU(d, green + p), b = hn::LoadU(d, blue + p);

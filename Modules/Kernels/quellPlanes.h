@@ -28,10 +28,11 @@ struct PlaneLayout
     this->pad = (reach + Lanes - 1) / Lanes * Lanes;
     if (this->pad == 0)
       this->pad = Lanes;
-    this->stride = (std::ptrdiff_t(e.width()) + Lanes - 1) / Lanes * Lanes + 2 * std::ptrdiff_t(this->pad) + Lanes;
+    // An odd number of cache lines: rows that lie 2^k apart do not meet in the same few lines of the nearest cache.
+    this->stride = (std::ptrdiff_t(e.width()) + Lanes - 1) / Lanes * Lanes + 2 * std::ptrdiff_t(this->pad) + Lanes + 16;
   }
-  /// Floats of one plane.
-  std::size_t size() const noexcept { return std::size_t(this->stride) * (this->extent.height() + 2); }
+  /// Floats of one plane; an odd number of cache lines, for the same reason.
+  std::size_t size() const noexcept { return (std::size_t(this->stride) * (this->extent.height() + 2)) | 16; }
   /// Index of pixel (x, y); y may be one row outside.
   std::ptrdiff_t at(int x, int y) const noexcept
   {

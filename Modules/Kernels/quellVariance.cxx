@@ -229,6 +229,38 @@ void CopyMoments(const ImageIn& moments, const ImageIn& history, const PlaneLayo
   }
 }
 
+bool VarianceOverFrames(const VariancePass& a, const ImageIn& color, const ImageIn& moments, const ImageIn& history,
+  const ImageIn& depth, const ImageOut& radiance, const ImageOut& variance, const Rect& tile) noexcept
+{
+  constexpr float Inf = std::numeric_limits<float>::infinity();
+  for (int y = tile.y0; y < tile.y1; ++y)
+  {
+    const float *c = color.at(tile.x0, y), *m = moments.at(tile.x0, y);
+    const float* h = history ? history.at(tile.x0, y) : nullptr;
+    const float* z = depth ? depth.at(tile.x0, y) : nullptr;
+    float* v = variance ? variance.at(tile.x0, y) : nullptr;
+    int young = 0;
+    for (int i = 0; i < tile.width(); ++i)
+    {
+      const bool hit = !z || std::fabs(z[i]) < Inf;
+      const float frames = h ? (h[i] > 1.f ? h[i] : 1.f) : a.minimumHistory;
+      young |= !(Finite(c[3 * i]) & Finite(c[3 * i + 1]) & Finite(c[3 * i + 2]) & Finite(m[2 * i]) &
+                 (m[2 * i + 1] == m[2 * i + 1]) & (frames < Inf) & (!hit | (frames >= a.minimumHistory)));
+      if (v)
+      {
+        const float central = m[2 * i + 1] > 0 ? (m[2 * i + 1] < LargestMoment ? m[2 * i + 1] : LargestMoment) : 0.f;
+        const float trusted = a.ofMean ? central / std::min(std::max(frames, 1.f), a.maximumSamples) : central;
+        v[i] = hit && trusted > 0 ? trusted : 0.f;
+      }
+    }
+    if (young)
+      return false;
+    if (radiance)
+      std::copy(c, c + 3 * tile.width(), radiance.at(tile.x0, y));
+  }
+  return true;
+}
+
 void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
 {
   constexpr int R = VariancePass::Radius;

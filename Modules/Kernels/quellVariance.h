@@ -49,6 +49,14 @@ struct VariancePass
   float maximumSamples = 9.f; ///< (2 - alpha) / alpha: what an exponential average with alpha = .2 is worth
 };
 
+/// The same where every pixel of `tile` has seen enough frames, straight from the inputs: writes `radiance` and
+/// `variance` (each may be absent), the bits of VarianceRow. False, with arbitrary output, where a pixel needs its
+/// neighbours: too young, or with a colour or moment that is not finite. `moments` is there; `history` and `depth` may
+/// be absent.
+QUELLKERNELS_EXPORT bool VarianceOverFrames(const VariancePass& pass, const ImageIn& color, const ImageIn& moments,
+  const ImageIn& history, const ImageIn& depth, const ImageOut& radiance, const ImageOut& variance,
+  const Rect& tile) noexcept;
+
 ///@{ Pixels [x0, x1) of row y. The vector code may also write some pixels right of x1 in `out`.
 QUELLKERNELS_EXPORT void VarianceRow(const VariancePass& pass, int y, int x0, int x1) noexcept;
 QUELLKERNELS_EXPORT void VarianceRowScalar(const VariancePass& pass, int y, int x0, int x1) noexcept; ///< for tests

@@ -198,3 +198,54 @@ TEST(Variance, BitsDoNotDependOnTheRegion)
       }
   }
 }
+
+// Where every pixel is old enough the short way has the bits of the long one; where one is not, it says so.
+TEST(Variance, OverFramesWithoutPlanes)
+{
+  for (const bool ofMean : { false, true })
+  {
+    Scene s(45, 23);
+    for (int y = 0; y < 23; ++y)
+      for (int x = 0; x < 45; ++x)
+        *s.history.at(x, y) = 4 + float((x + y) % 9);
+    const auto change = [&](quell::VariancePass& p) { p.ofMean = ofMean; };
+    const Result all = Estimate(s.color.extent, s, true, false, change);
+    quell::VariancePass p;
+    p.ofMean = ofMean;
+    const quell::Rect tile{ 3, 2, 40, 21 };
+    Image color(s.color.extent, 3), variance(s.color.extent, 1);
+    const auto made = [&]
+    { return quell::VarianceOverFrames(p, s.color, s.moments, s.history, s.depth, color, variance, tile); };
+    ASSERT_TRUE(made());
+    for (int y = tile.y0; y < tile.y1; ++y)
+      for (int x = tile.x0; x < tile.x1; ++x)
+      {
+        EXPECT_EQ(*variance.at(x, y), *all.variance.at(x, y)) << x << " " << y;
+        for (int c = 0; c < 3; ++c)
+          EXPECT_EQ(color.at(x, y)[c], all.color.at(x, y)[c]) << x << " " << y;
+      }
+    // Outside of the tile nobody asks; in it, each of these needs neighbours.
+    s.history.at(1, 1)[0] = 0;
+    EXPECT_TRUE(made());
+    const auto needs = [&](float& value, float bad)
+    {
+      const float before = value;
+      value = bad;
+      EXPECT_FALSE(made());
+      value = before;
+      EXPECT_TRUE(made());
+    };
+    s.depth.at(20, 10)[0] = 5;
+    needs(s.history.at(20, 10)[0], 3);
+    needs(s.history.at(20, 10)[0], NaN);
+    needs(s.moments.at(20, 10)[0], NaN);
+    needs(s.moments.at(20, 10)[1], NaN);
+    needs(s.color.at(20, 10)[2], NaN);
+    needs(s.color.at(39, 20)[0], std::numeric_limits<float>::infinity());
+    // Background has no history and needs none.
+    s.depth.at(20, 10)[0] = std::numeric_limits<float>::infinity();
+    s.history.at(20, 10)[0] = 0;
+    ASSERT_TRUE(made());
+    EXPECT_EQ(*variance.at(20, 10), 0.f);
+  }
+}
