@@ -11,7 +11,7 @@ build=${QUELL_BUILD_DIR:-$top/build}
 
 packages=(g++ cmake ninja-build ccache
   libvtk9-dev libembree-dev libopenimageio-dev openimageio-tools libopencolorio-dev libtbb-dev libhwy-dev libexpat1-dev
-  libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev)
+  libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev libxml2-dev)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
 usage() { sed -n '3,7s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }

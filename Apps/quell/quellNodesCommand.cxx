@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellCommands.h"
 #include "quellDiagnostic.h"
+#include "quellPipelineSchema.h"
 #include "quellStageReference.h"
 
 #include <nlohmann/json.hpp>
@@ -19,8 +20,13 @@ nlohmann::json StageJson(const StageDescription& d)
   out["inputs"] = json::array();
   for (const InputPort& p : d.Inputs)
   {
+    json attributes = json::array();
+    for (const InputAttribute& a : p.Attributes)
+    {
+      attributes.push_back({ { "name", a.Name }, { "values", a.Values }, { "doc", a.Doc } });
+    }
     out["inputs"].push_back({ { "name", p.Name }, { "kind", KindName(p.Kind) }, { "array", p.Array },
-      { "optional", p.Optional }, { "repeatable", p.Repeatable }, { "doc", p.Doc } });
+      { "optional", p.Optional }, { "repeatable", p.Repeatable }, { "attributes", attributes }, { "doc", p.Doc } });
   }
   out["outputs"] = json::array();
   for (const OutputArray& o : d.Outputs)

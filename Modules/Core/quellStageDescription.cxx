@@ -178,6 +178,11 @@ StageDescription& StageDescription::RepeatableInput(
   this->Inputs.back().Repeatable = true;
   return *this;
 }
+StageDescription& StageDescription::Attribute(const char* name, const char* doc, std::vector<std::string> values)
+{
+  this->Inputs.back().Attributes.push_back({ name, doc, std::move(values) });
+  return *this;
+}
 StageDescription& StageDescription::Output(const char* name, ArrayKind kind, const char* doc, int components)
 {
   OutputArray o;
@@ -197,6 +202,9 @@ std::string NearestName(const std::string& name, const std::vector<std::string>&
       c = (c >= 'A' && c <= 'Z') ? char(c - 'A' + 'a') : c;
     return s;
   };
+  // The distance costs the product of the lengths; no name of ours comes near this one.
+  if (name.size() > 128)
+    return {};
   const std::string a = lower(name);
   std::string best;
   size_t bestDistance = std::max<size_t>(2, name.size() / 3) + 1;
@@ -243,14 +251,37 @@ std::string Trimmed(const std::string& s)
   return a == std::string::npos ? std::string() : s.substr(a, s.find_last_not_of(blanks) - a + 1);
 }
 template <class T>
-bool FromChars(const std::string& text, T& out)
+bool FromChars(const std::string& text, T& out, bool& tooLarge)
 {
   const std::string t = Trimmed(text);
   const char* first = t.data();
-  if (!t.empty() && t[0] == '+')
+  if (t.size() > 1 && t[0] == '+' && t[1] != '-')
     ++first;
   const auto r = std::from_chars(first, t.data() + t.size(), out);
+  // A number that the type cannot hold is a number all the same: tell it apart from a word.
+  tooLarge = r.ec == std::errc::result_out_of_range && r.ptr == t.data() + t.size();
   return !t.empty() && r.ec == std::errc() && r.ptr == t.data() + t.size();
+}
+/// A value as messages quote it: control characters as \xNN, the end of a long one cut.
+std::string Shown(const std::string& text)
+{
+  std::string out = "\"";
+  for (unsigned char c : text)
+  {
+    if (out.size() > 100 && (c & 0xC0) != 0x80) // never inside a UTF-8 sequence
+    {
+      out += "...";
+      break;
+    }
+    if (c >= 0x20 && c != 0x7F)
+    {
+      out += char(c);
+      continue;
+    }
+    const char* hex = "0123456789ABCDEF";
+    out += std::string("\\x") + hex[c >> 4] + hex[c & 15];
+  }
+  return out + "\"";
 }
 }
 
@@ -264,14 +295,16 @@ std::string FormatDouble(double v)
 bool ParseInt(const std::string& text, long long lo, long long hi, long long& out, std::string& error)
 {
   long long v = 0;
-  if (!FromChars(text, v))
+  bool tooLarge = false;
+  if (!FromChars(text, v, tooLarge) && !tooLarge)
   {
-    error = "\"" + text + "\" is not a whole number";
+    error = Shown(text) + " is not a whole number";
     return false;
   }
-  if (v < lo || v > hi)
+  if (tooLarge || v < lo || v > hi)
   {
-    error = Trimmed(text) + " is outside [" + std::to_string(lo) + ", " + std::to_string(hi) + "]";
+    error =
+      (tooLarge ? Shown(text) : Trimmed(text)) + " is outside [" + std::to_string(lo) + ", " + std::to_string(hi) + "]";
     return false;
   }
   out = v;
@@ -281,14 +314,16 @@ bool ParseInt(const std::string& text, long long lo, long long hi, long long& ou
 bool ParseDouble(const std::string& text, double lo, double hi, double& out, std::string& error)
 {
   double v = 0;
-  if (!FromChars(text, v))
+  bool tooLarge = false;
+  if (!FromChars(text, v, tooLarge))
   {
-    error = "\"" + text + "\" is not a number";
+    error =
+      Shown(text) + (tooLarge ? " is too large or too small for a number in double precision" : " is not a number");
     return false;
   }
   if (!std::isfinite(v))
   {
-    error = "\"" + text + "\" is not finite";
+    error = Shown(text) + " is not finite";
     return false;
   }
   if (v < lo || v > hi)
@@ -309,7 +344,7 @@ bool ParseBool(const std::string& text, bool& out, std::string& error)
     out = false;
   else
   {
-    error = "\"" + text + "\" is neither true nor false";
+    error = Shown(text) + " is neither true nor false";
     return false;
   }
   return true;
@@ -324,7 +359,7 @@ bool ParseEnum(const std::string& text, const std::vector<std::string>& names, i
       out = int(i);
       return true;
     }
-  error = "\"" + text + "\" is none of ";
+  error = Shown(text) + " is none of ";
   for (size_t i = 0; i < names.size(); ++i)
     error += (i ? ", " : "") + names[i];
   const std::string near = NearestName(t, names);
@@ -336,7 +371,8 @@ bool ParseEnum(const std::string& text, const std::vector<std::string>& names, i
 bool ParseVector(const std::string& text, int n, double lo, double hi, double* out, std::string& error)
 {
   std::vector<double> values;
-  size_t at = 0;
+  values.reserve(size_t(n) + 1);
+  size_t at = 0, count = 0;
   while ((at = text.find_first_not_of(" \t\r\n", at)) != std::string::npos)
   {
     size_t end = text.find_first_of(" \t\r\n", at);
@@ -345,13 +381,13 @@ bool ParseVector(const std::string& text, int n, double lo, double hi, double* o
     double v = 0;
     if (!ParseDouble(text.substr(at, end - at), lo, hi, v, error))
       return false;
-    values.push_back(v);
+    if (count++ < size_t(n))
+      values.push_back(v);
     at = end;
   }
-  if (int(values.size()) != n)
+  if (count != size_t(n))
   {
-    error =
-      "\"" + text + "\" has " + std::to_string(values.size()) + " numbers where " + std::to_string(n) + " are wanted";
+    error = Shown(text) + " has " + std::to_string(count) + " numbers where " + std::to_string(n) + " are wanted";
     return false;
   }
   std::copy(values.begin(), values.end(), out);

@@ -54,6 +54,13 @@ VTKQUELLCORE_EXPORT const char* KindName(ArrayKind kind); ///< "color", "albedo"
 VTKQUELLCORE_EXPORT const char* KindDoc(ArrayKind kind);  ///< "3 x float, linear RGB, >= 0", ...
 VTKQUELLCORE_EXPORT int KindComponents(ArrayKind kind);   ///< 0 for Any
 
+/// An attribute of its own that a connection may have in the file: `<input port="guide" from="..." sigma="0.1"/>`.
+struct InputAttribute
+{
+  std::string Name, Doc;
+  std::vector<std::string> Values; ///< all that it may be; empty: free
+};
+
 struct InputPort
 {
   std::string Name;
@@ -64,6 +71,7 @@ struct InputPort
   bool Repeatable = false;
   bool Delayed = false; ///< meant for the previous frame (delay="1"); then it covers the whole frame
   int Halo = -1;        ///< -1: the stage's HaloFor(port) decides
+  std::vector<InputAttribute> Attributes;
 };
 
 struct OutputArray
@@ -124,6 +132,8 @@ struct VTKQUELLCORE_EXPORT StageDescription
   /// Optional, and meant to be connected with delay="1".
   StageDescription& DelayedInput(const char* name, ArrayKind kind, const char* array, const char* doc);
   StageDescription& RepeatableInput(const char* name, ArrayKind kind, const char* array, const char* doc);
+  /// Of the input described last.
+  StageDescription& Attribute(const char* name, const char* doc, std::vector<std::string> values = {});
   StageDescription& Output(const char* name, ArrayKind kind, const char* doc, int components = 0);
 };
 

@@ -114,9 +114,13 @@ void vtkQuellBilateralFilter::Describe(quell::StageDescription& d)
   d.OptionalInput("position", quell::ArrayKind::Position, "position",
     "with depth and normal: compares by plane distance instead of depth");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never mixes pixels of different ids");
-  d.RepeatableInput("guide", quell::ArrayKind::Any, "albedo", "a further feature; attributes distance, sigma, name");
+  d.RepeatableInput("guide", quell::ArrayKind::Any, "albedo", "a further feature")
+    .Attribute("distance", "how its values are compared; default: what suits the array", distances)
+    .Attribute("sigma", "standard deviation of that distance; default 0.1, 0.5, 0.2, 0.05, 0.05 or 0.1")
+    .Attribute("name", "by which a guideVariance calls it; default: the array's name");
   d.RepeatableInput("guideVariance", quell::ArrayKind::Any, "varianceAlbedo",
-    "variance of a guide's mean value (1 component: averaged over its components); attribute guide: its name");
+     "variance of a guide's mean value (1 component: averaged over its components)")
+    .Attribute("guide", "name of the guide that it belongs to");
   d.Inputs[Guide].Optional = d.Inputs[GuideVariance].Optional = true;
   d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
   QUELL_INT(d, Radius, "pixels", "half the window's side; -1: ceil(3 SigmaSpatial), at most 64; 0: identity");

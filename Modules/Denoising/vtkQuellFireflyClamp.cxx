@@ -67,5 +67,6 @@ void vtkQuellFireflyClamp::Execute(quell::StageFrame& frame)
 
 std::string vtkQuellFireflyClamp::GetReport() const
 {
-  return this->Ledger.Text();
+  const bool off = this->Threshold >= 1e30;
+  return off ? std::string() : this->Ledger.Text();
 }

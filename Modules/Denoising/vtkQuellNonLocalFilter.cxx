@@ -58,10 +58,12 @@ void vtkQuellNonLocalFilter::DescribeInputs(quell::StageDescription& d)
   d.OptionalInput("variance", quell::ArrayKind::Any, "variance",
     "of radiance's pixel values: of the luminance or per channel; else estimated");
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "tells the background, which passes through");
-  d.RepeatableInput(
-    "guide", quell::ArrayKind::Any, "albedo", "a feature that steers the weights; attributes name, least (tau, 1e-3)");
+  d.RepeatableInput("guide", quell::ArrayKind::Any, "albedo", "a feature that steers the weights")
+    .Attribute("name", "by which a guideVariance calls it; default: the array's name")
+    .Attribute("least", "tau, the squared difference that no pixel resolves; default 1e-3");
   d.RepeatableInput("guideVariance", quell::ArrayKind::Any, "varianceAlbedo",
-    "variance of a guide's mean value (1 component: averaged over its components); attribute guide: its name");
+     "variance of a guide's mean value (1 component: averaged over its components)")
+    .Attribute("guide", "name of the guide that it belongs to");
   d.Inputs[Guide].Optional = d.Inputs[GuideVariance].Optional = true;
   d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
   d.Output("variance", quell::ArrayKind::Variance, "of the noise that is left, from the halves; 0 without them");

@@ -35,7 +35,8 @@ void vtkQuellImageWriter::Describe(quell::StageDescription& d)
     "become 0 and are counted. **HDR**: one linear colour.\n\n"
     "A file is written under a temporary name and renamed, so it is whole or absent. Arrays pass through.";
   d.Sink = true;
-  d.RepeatableInput("layer", quell::ArrayKind::Any, "radiance", "an array to be written");
+  d.RepeatableInput("layer", quell::ArrayKind::Any, "radiance", "an array to be written")
+    .Attribute("name", "of the layer in the file; default: the array's standard name");
   QUELL_STRING(d, File, "file to write; a run of # in its name is replaced by the frame's tick; directories are made");
   QUELL_ENUM(d, Compression, "EXR compression; Pxr24, Dwaa and Dwab lose precision", "None", "Rle", "Zips", "Zip",
     "Piz", "Pxr24", "Dwaa", "Dwab");

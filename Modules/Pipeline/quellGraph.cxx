@@ -101,7 +101,13 @@ namespace
 {
 const std::size_t MaximumText = 65536; // of one expanded value: variables can double and double again
 const int MaximumDepth = 16;           // of nested instances
+const int MaximumPassages = 256;       // of template ports that a connection leads through
 const std::size_t MaximumNodes = 5000;
+// Templates multiply what a file says. Every step of the expansion is charged about what it costs in time and memory;
+// at a nanosecond and a byte each this is far more than a pipeline of MaximumNodes needs.
+const std::size_t MaximumWork = 100000000;
+const std::size_t StepWork = 64, ConnectionWork = 1024;
+const std::size_t MaximumHintWork = 500000000; // of comparing misspelt names with all that there are
 
 /// An expanded value and the directory that relative paths in it are seen from.
 struct Value
@@ -316,10 +322,40 @@ private:
     place.File = CommandLine;
     return place;
   }
-  static std::string NearOr(const std::string& name, const std::vector<std::string>& names, const std::string& label)
+  std::string Near(const std::string& name, const std::vector<std::string>& names)
   {
-    const std::string near = DidYouMean(name, names);
+    for (const std::string& n : names)
+    {
+      this->HintWork += (name.size() + 1) * (n.size() + 1);
+    }
+    return this->HintWork > MaximumHintWork ? std::string() : DidYouMean(name, names);
+  }
+  std::string NearOr(const std::string& name, const std::vector<std::string>& names, const std::string& label)
+  {
+    const std::string near = this->Near(name, names);
     return near.empty() ? label + Listed(names) : near;
+  }
+  /// Charges a step of the expansion; false, once with a message, when there is no end to it.
+  bool Spend(std::size_t work, const SourceLocation& place, const Who& who)
+  {
+    if (this->Overfull)
+    {
+      return false;
+    }
+    this->Work += work;
+    if (this->Work > MaximumWork)
+    {
+      this->Overfill(place, who, "templates and variables expand to more than this program takes");
+    }
+    return !this->Overfull;
+  }
+  void Overfill(const SourceLocation& place, const Who& who, const std::string& what)
+  {
+    if (!this->Overfull)
+    {
+      this->Overfull = true;
+      this->Error(place, who, what);
+    }
   }
 
   // ---- variables ------------------------------------------------------------------------------------------------
@@ -329,6 +365,11 @@ private:
     Value value;
     value.Base = text.Place.File == CommandLine ? std::string() : DirectoryOf(text.Place.File);
     const std::string& s = text.Value;
+    if (!this->Spend(StepWork + s.size(), text.Place, who))
+    {
+      value.Ok = false;
+      return value;
+    }
     for (std::size_t i = 0; i < s.size();)
     {
       if (s.compare(i, 3, "$$(") == 0)
@@ -365,9 +406,13 @@ private:
         value.Base = variable->Base;
       }
       value.Text += variable->Text;
-      if (value.Text.size() > MaximumText)
+      const bool tooLong = value.Text.size() > MaximumText;
+      if (tooLong || !this->Spend(variable->Text.size(), text.Place, who))
       {
-        this->Error(text.Place, who, "the value grows beyond " + std::to_string(MaximumText) + " characters");
+        if (tooLong)
+        {
+          this->Error(text.Place, who, "the value grows beyond " + std::to_string(MaximumText) + " characters");
+        }
         value.Ok = false;
         value.Text.clear();
         return value;
@@ -380,10 +425,11 @@ private:
   std::vector<std::string> VariableNames(const Scope& scope) const
   {
     std::vector<std::string> names = scope.Names();
+    std::set<std::string> seen(names.begin(), names.end());
     // While globals are being resolved, those not reached yet count too.
     for (const auto& d : this->Declared)
     {
-      if (std::find(names.begin(), names.end(), d->Name.Value) == names.end())
+      if (seen.insert(d->Name.Value).second)
       {
         names.push_back(d->Name.Value);
       }
@@ -761,13 +807,12 @@ private:
       }
       if (this->Result->Nodes.size() + this->Instances.size() > MaximumNodes)
       {
-        if (!this->Overfull)
-        {
-          Who who;
-          who.Context = in.Context;
-          this->Error(item.Place, who, "the pipeline expands to more than " + std::to_string(MaximumNodes) + " nodes");
-          this->Overfull = true;
-        }
+        Who who;
+        who.Context = in.Context;
+        this->Overfill(item.Place, who, TooManyNodes());
+      }
+      if (this->Overfull)
+      {
         return;
       }
       if (item.IsInstance)
@@ -779,6 +824,11 @@ private:
         this->FlattenNode(item, id, in);
       }
     }
+  }
+
+  static std::string TooManyNodes()
+  {
+    return "the pipeline expands to more than " + std::to_string(MaximumNodes) + " nodes";
   }
 
   void FlattenNode(const PipelineNode& item, const std::string& id, Instance& in)
@@ -799,7 +849,7 @@ private:
       if (!node.Stage)
       {
         const std::vector<std::string> types = this->Registry.Types();
-        const std::string near = DidYouMean(type.Text, types);
+        const std::string near = this->Near(type.Text, types);
         this->Error(item.Type.Place, who, "unknown type " + Quoted(type.Text),
           near.empty() ? "quell nodes lists the types" : near);
       }
@@ -879,13 +929,14 @@ private:
     {
       names.push_back(p.Name.Value);
     }
+    const std::set<std::string> known(names.begin(), names.end());
     for (const PipelineProperty& p : item.Properties)
     {
       if (!p.Name.Given)
       {
         continue;
       }
-      if (std::find(names.begin(), names.end(), p.Name.Value) == names.end())
+      if (!known.count(p.Name.Value))
       {
         this->Error(
           p.Name.Place, who, "no parameter " + Quoted(p.Name.Value), this->NearOr(p.Name.Value, names, "parameters: "));
@@ -898,6 +949,10 @@ private:
     }
     for (const PipelineVariable& p : t->Parameters)
     {
+      if (this->Overfull)
+      {
+        return;
+      }
       if (!p.Name.Given || !p.Default.Given)
       {
         continue;
@@ -1210,11 +1265,23 @@ private:
     {
       return { this->Unknown(r) };
     }
-    if (depth > 4 * MaximumDepth)
+    if (!this->Spend(ConnectionWork, r.From->Place, r.About))
     {
-      this->Error(r.From->Place, r.About, Quoted(r.From->Value) + " leads back to itself through template ports");
       return { this->Unknown(r) };
     }
+    // The texts passed on the way here, each in its instance.
+    this->Passed.resize(std::size_t(depth));
+    const std::pair<const PipelineText*, const Instance*> here(r.From, r.In);
+    const bool loop = std::find(this->Passed.begin(), this->Passed.end(), here) != this->Passed.end();
+    if (loop || depth > MaximumPassages)
+    {
+      this->Error(r.From->Place, r.About,
+        Quoted(r.From->Value) +
+          (loop ? " leads back to itself through template ports"
+                : " leads through more than " + std::to_string(MaximumPassages) + " template ports"));
+      return { this->Unknown(r) };
+    }
+    this->Passed.push_back(here);
     const Value value = this->Expand(*r.From, r.In->Parameters, r.About);
     if (!value.Ok)
     {
@@ -1279,6 +1346,11 @@ private:
   std::vector<Endpoint> ResolvePort(const Reference& r, const std::string& port, int depth)
   {
     Instance& in = *r.In;
+    if (in.Template && in.Item &&
+        !this->Spend(in.Template->Inputs.size() + in.Item->Inputs.size(), r.From->Place, r.About))
+    {
+      return { this->Unknown(r) };
+    }
     if (!in.Template)
     {
       this->Error(r.From->Place, r.About, Quoted("@" + port) + " is a template's port, but this is no template",
@@ -1404,43 +1476,43 @@ private:
       {
         continue;
       }
+      Who who;
+      who.Where = instance.Where;
+      who.Context = instance.Parent->Context;
+      who.Node = instance.Path;
       std::vector<std::string> names;
+      std::map<std::string, const PipelinePort*> ports;
       for (const PipelinePort& p : instance.Template->Inputs)
       {
         names.push_back(p.Name.Value);
-        bool connected = false;
-        for (const PipelineInput& input : instance.Item->Inputs)
-        {
-          if (input.Port.Value != p.Name.Value)
-          {
-            continue;
-          }
-          connected = true;
-          const Reference r = this->InstanceInput(instance, input);
-          for (const Endpoint& e : this->Resolve(r, 0))
-          {
-            this->Typed.push_back({ e, PortKind(p), r, input.From.Place });
-          }
-        }
-        if (!connected && p.Name.Given)
-        {
-          Who who;
-          who.Where = instance.Where;
-          who.Context = instance.Parent->Context;
-          who.Node = instance.Path;
-          this->Error(instance.Item->Place, who, "required input " + Quoted(p.Name.Value) + " is not connected");
-        }
+        ports.emplace(p.Name.Value, &p);
       }
+      std::set<std::string> connected;
       for (const PipelineInput& input : instance.Item->Inputs)
       {
-        if (input.Port.Given && std::find(names.begin(), names.end(), input.Port.Value) == names.end())
+        const auto port = ports.find(input.Port.Value);
+        if (!input.Port.Given)
         {
-          Who who;
-          who.Where = instance.Where;
-          who.Context = instance.Parent->Context;
-          who.Node = instance.Path;
+          continue;
+        }
+        if (port == ports.end())
+        {
           this->Error(input.Port.Place, who, "no input " + Quoted(input.Port.Value),
             this->NearOr(input.Port.Value, names, "inputs: "));
+          continue;
+        }
+        connected.insert(input.Port.Value);
+        const Reference r = this->InstanceInput(instance, input);
+        for (const Endpoint& e : this->Resolve(r, 0))
+        {
+          this->Typed.push_back({ e, PortKind(*port->second), r, input.From.Place });
+        }
+      }
+      for (const PipelinePort& p : instance.Template->Inputs)
+      {
+        if (p.Name.Given && !connected.count(p.Name.Value))
+        {
+          this->Error(instance.Item->Place, who, "required input " + Quoted(p.Name.Value) + " is not connected");
         }
       }
     }
@@ -1530,20 +1602,20 @@ private:
     const InputPort& spec = d.Inputs[std::size_t(index)];
     for (const Endpoint& end : ends)
     {
-      int connection = 0;
-      const GraphEdge* first = nullptr;
-      for (const GraphEdge& e : node.Inputs)
+      if (!this->Spend(ConnectionWork, input.Place, r.About))
       {
-        if (e.Port == index)
-        {
-          first = first ? first : &e;
-          ++connection;
-        }
+        return;
       }
+      const auto used = this->Connections.find({ n, index });
+      const int connection = used == this->Connections.end() ? 0 : used->second.Count;
+      const GraphEdge* first = connection ? &node.Inputs[used->second.First] : nullptr;
       if (first && !spec.Repeatable)
       {
-        this->Error(
-          input.Place, r.About, "is already connected at " + first->Place.ToText(), "it takes one connection");
+        const bool same = first->Place.ToText() == input.Place.ToText();
+        this->Error(input.Place, r.About,
+          same ? Quoted(input.From.Value) + " is connected " + std::to_string(ends.size()) + " times"
+               : "is already connected at " + first->Place.ToText(),
+          "it takes one connection");
         return;
       }
       const bool endDelayed = delayed || end.Delayed;
@@ -1575,14 +1647,30 @@ private:
           {
             error.erase(0, own.size());
           }
-          this->Error(a.Value.Place, r.About, error, DidYouMean(a.Name, { "port", "from", "delay", "optional" }));
+          std::vector<std::string> names = { "port", "from", "delay", "optional" };
+          bool known = false;
+          for (const InputAttribute& described : spec.Attributes)
+          {
+            names.push_back(described.Name);
+            known = known || described.Name == a.Name;
+          }
+          this->Error(a.Value.Place, r.About, error, known ? std::string() : this->Near(a.Name, names));
           continue;
         }
         edge.Attributes.emplace_back(a.Name, value.Text);
       }
       this->Ends.push_back({ n, int(node.Inputs.size()), end, r, optional });
-      node.Inputs.push_back(std::move(edge));
+      this->AddEdge(n, std::move(edge));
     }
+  }
+
+  void AddEdge(int n, GraphEdge edge)
+  {
+    std::vector<GraphEdge>& inputs = this->Result->Nodes[std::size_t(n)].Inputs;
+    PortUse& use = this->Connections[{ n, edge.Port }];
+    use.First = use.Count ? use.First : inputs.size();
+    ++use.Count;
+    inputs.push_back(std::move(edge));
   }
 
   void CheckRequired(int n, const Source& source)
@@ -1593,6 +1681,10 @@ private:
       return;
     }
     const StageDescription& d = node.Description();
+    if (!this->Spend(d.Inputs.size() * source.Item->Inputs.size(), node.Place, source.About))
+    {
+      return;
+    }
     for (std::size_t p = 0; p < d.Inputs.size(); ++p)
     {
       bool connected = d.Inputs[p].Optional;
@@ -1613,6 +1705,14 @@ private:
   /// A node made for an output; its edges are added by Link.
   int AddInternal(const char* type, const std::string& path, const Who& who, const SourceLocation& place)
   {
+    if (this->Result->Nodes.size() > MaximumNodes)
+    {
+      this->Overfill(place, who, TooManyNodes());
+    }
+    if (this->Overfull)
+    {
+      return -1;
+    }
     GraphNode node;
     node.Path = path;
     node.Type = type;
@@ -1632,13 +1732,14 @@ private:
   void Link(
     int reader, int port, const Endpoint& end, const Who& who, const SourceLocation& place, const PipelineText* layer)
   {
+    if (!this->Spend(ConnectionWork, place, who))
+    {
+      return;
+    }
     GraphNode& node = this->Result->Nodes[std::size_t(reader)];
     GraphEdge edge;
     edge.Port = port;
-    for (const GraphEdge& e : node.Inputs)
-    {
-      edge.Connection += e.Port == port;
-    }
+    edge.Connection = this->Connections[{ reader, port }].Count;
     edge.Producer = end.Node;
     edge.Array = end.Array;
     edge.Place = place;
@@ -1659,7 +1760,7 @@ private:
     Reference r = end.Origin;
     r.About = who;
     this->Ends.push_back({ reader, int(node.Inputs.size()), end, r, false });
-    node.Inputs.push_back(std::move(edge));
+    this->AddEdge(reader, std::move(edge));
   }
 
   void BuildOutputs()
@@ -1987,7 +2088,10 @@ private:
         }
         // The recursion may add to the map; std::map keeps references valid.
         const Available& before = this->ArraysOf(e.Producer);
-        add(before.Arrays);
+        if (this->Spend(ConnectionWork * before.Arrays.size(), node.Place, this->Items[std::size_t(n)].About))
+        {
+          add(before.Arrays);
+        }
         a.Known = a.Known && before.Known;
         break;
       }
@@ -2023,19 +2127,22 @@ private:
         array = available.Arrays.front().Name;
       }
     }
-    std::vector<std::string> names;
     for (const OutputArray& a : available.Arrays)
     {
       if (a.Name == array)
       {
         return &a;
       }
-      names.push_back(a.Name);
     }
-    if (available.Known)
+    if (available.Known && !this->Overfull)
     {
+      std::vector<std::string> names;
+      for (const OutputArray& a : available.Arrays)
+      {
+        names.push_back(a.Name);
+      }
       const Reference& r = end.Origin;
-      const std::string near = DidYouMean(array, names);
+      const std::string near = this->Near(array, names);
       this->Error(r.From->Place, r.About, this->NodeTitle(end.Node) + " has no output " + Quoted(array),
         near.empty() ? "it has " + Listed(names) : near);
     }
@@ -2423,6 +2530,7 @@ private:
   std::map<std::string, const PipelineTemplate*> Templates;
   std::set<const PipelineTemplate*> Instantiated;
   std::vector<const PipelineTemplate*> Unused;
+  std::vector<std::pair<const PipelineText*, const Instance*>> Passed;
   std::deque<Instance> Instances; // the first is the top level; addresses stay
   std::map<std::string, Instance*> InstanceByPath;
   std::map<std::string, int> ByPath;
@@ -2436,7 +2544,14 @@ private:
   std::deque<PipelineOutput> Outputs;
   std::vector<std::pair<int, Endpoint>> OutputEnds;
   std::map<int, Available> Availables;
-  bool Overfull = false;
+  struct PortUse
+  {
+    int Count = 0;
+    std::size_t First = 0; ///< index into the node's Inputs
+  };
+  std::map<std::pair<int, int>, PortUse> Connections; // (node, port)
+  bool Overfull = false;                              ///< the expansion was given up
+  std::size_t Work = 0, HintWork = 0;
 };
 }
 

@@ -24,7 +24,7 @@ bool Same(const PipelineProperty& a, const PipelineProperty& b)
 {
   return SameItem(a, b) && Same(a.Name, b.Name) && Same(a.Value, b.Value);
 }
-bool Same(const PipelineInput::Attribute& a, const PipelineInput::Attribute& b)
+bool Same(const PipelineAttribute& a, const PipelineAttribute& b)
 {
   return a.Name == b.Name && Same(a.Value, b.Value);
 }
@@ -83,7 +83,7 @@ bool Same(const PipelineTime& a, const PipelineTime& b)
 bool PipelineDocument::operator==(const PipelineDocument& o) const
 {
   return SameItem(*this, o) && Same(this->Version, o.Version) && Same(this->Doc, o.Doc) &&
-         Same(this->Includes, o.Includes) && Same(this->Variables, o.Variables) && Same(this->Time, o.Time) &&
+         Same(this->Schema, o.Schema) && Same(this->Includes, o.Includes) && Same(this->Variables, o.Variables) && Same(this->Time, o.Time) &&
          Same(this->Templates, o.Templates) && Same(this->Nodes, o.Nodes) && Same(this->Outputs, o.Outputs);
 }
 }

@@ -51,14 +51,16 @@ struct PipelineProperty : PipelineItem
   PipelineText Name, Value;
 };
 
+struct PipelineAttribute
+{
+  std::string Name;
+  PipelineText Value;
+};
+
 /// <input port= from= [delay=] [optional=] [attributes of the stage's own]>
 struct PipelineInput : PipelineItem
 {
-  struct Attribute
-  {
-    std::string Name;
-    PipelineText Value;
-  };
+  using Attribute = PipelineAttribute;
   PipelineText Port, From, Delay, Optional;
   std::vector<Attribute> Attributes;
 };
@@ -120,6 +122,8 @@ struct VTKQUELLPIPELINE_EXPORT PipelineDocument : PipelineItem
   std::string File;      ///< as given; messages say it
   std::string Directory; ///< of File; "" is the working directory
   PipelineText Version, Doc;
+  /// xmlns:P and P:noNamespaceSchemaLocation of the root, by which editors find the schema; kept as they are.
+  std::vector<PipelineAttribute> Schema;
   std::vector<PipelineInclude> Includes;
   std::vector<PipelineVariable> Variables;
   PipelineTime Time;

@@ -785,7 +785,9 @@ std::vector<std::string> PipelineExecutor::Reports() const
       const std::string line = this->Stages[std::size_t(n)]->GetReport();
       if (!line.empty())
       {
-        lines.push_back(line);
+        // A sink speaks of its label; of the others there may be several of a kind.
+        const GraphNode& node = this->Plan->Nodes[std::size_t(n)];
+        lines.push_back(node.Description().Sink ? line : node.Path + ": " + line);
       }
     }
   }

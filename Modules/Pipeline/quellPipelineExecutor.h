@@ -134,7 +134,7 @@ public:
 
   std::vector<NodeCounters> Counters() const; ///< of live nodes in execution order
   void ResetCounters();
-  std::vector<std::string> Reports() const; ///< GetReport of live nodes that have something to say
+  std::vector<std::string> Reports() const; ///< "node: report" of live nodes that have something to say
 
 private:
   struct Observer;

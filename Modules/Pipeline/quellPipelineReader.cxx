@@ -97,6 +97,9 @@ const ElementRule* FindRule(const std::string& name, const std::string& parent)
   return nullptr;
 }
 
+const char* const SchemaHint =
+  "the schema is named in <pipeline>, with xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\"";
+
 /// `<node> "atrous"`: an element as messages call it.
 std::string ElementTitle(const XmlElement& e)
 {
@@ -164,7 +167,10 @@ public:
       this->Messages.Error(place, where, where.empty() ? "cannot be opened for reading" : "cannot be opened: " + file);
       return document;
     }
-    const std::string text((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
+    // A file may grow while it is read, and some have no size at all: one byte more than allowed is enough to tell.
+    std::string text(XmlLimits().Bytes + 1, '\0');
+    stream.read(&text[0], std::streamsize(text.size()));
+    text.resize(std::size_t(stream.gcount()));
     this->Parse(text, *document);
     return document;
   }
@@ -188,6 +194,7 @@ public:
     {
       return; // a newer grammar would only make misleading errors
     }
+    this->TakeSchema(root, document);
     this->Check(root, "");
     document.Version = this->Take(root, "version");
     document.Doc = this->Take(root, "doc");
@@ -256,6 +263,32 @@ private:
     return true;
   }
 
+  /// What XML editors write into the root: namespace prefixes, and where the schema is.
+  void TakeSchema(XmlElement& root, PipelineDocument& document) const
+  {
+    std::vector<XmlAttribute> own;
+    for (const XmlAttribute& a : root.Attributes)
+    {
+      const std::size_t colon = a.Name.find(':');
+      const std::string prefix = a.Name.substr(0, colon);
+      const std::string name = colon == std::string::npos ? std::string() : a.Name.substr(colon + 1);
+      const XmlAttribute* space = root.Find("xmlns:" + prefix);
+      const bool schema = (name == "noNamespaceSchemaLocation" || name == "schemaLocation") && space &&
+                          space->Value == "http://www.w3.org/2001/XMLSchema-instance";
+      if (schema || (prefix == "xmlns" && !name.empty()))
+      {
+        PipelineText text(a.Value);
+        text.Place = a.Place;
+        document.Schema.push_back({ a.Name, text });
+      }
+      else
+      {
+        own.push_back(a);
+      }
+    }
+    root.Attributes.swap(own);
+  }
+
   /// Unknown and missing attributes, unknown children, stray text; whole subtree.
   void Check(const XmlElement& e, const std::string& parent)
   {
@@ -272,7 +305,9 @@ private:
       {
         const std::string near = DidYouMean(a.Name, known);
         this->Messages.Error(a.Place, ElementTitle(e), "no attribute " + Quoted(a.Name),
-          near.empty() ? "it may have " + Listed(known) : near);
+          a.Name.compare(0, 4, "xsi:") == 0 ? SchemaHint
+          : near.empty()                    ? "it may have " + Listed(known)
+                                            : near);
       }
     }
     for (const std::string& name : rule->Required)
@@ -467,6 +502,11 @@ private:
     if (include.File.Value.empty())
     {
       this->Messages.Error(include.File.Place, where, "the name is empty");
+      return include;
+    }
+    if (include.File.Value.size() > 4096)
+    {
+      this->Messages.Error(include.File.Place, where, "the name has more than 4096 characters");
       return include;
     }
     if (include.File.Value.find("$(") != std::string::npos)

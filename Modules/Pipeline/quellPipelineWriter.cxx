@@ -143,6 +143,10 @@ std::string WritePipelineText(const PipelineDocument& d)
   w.Open("pipeline", d);
   w.Attribute("version", d.Version);
   w.Attribute("doc", d.Doc);
+  for (const PipelineAttribute& a : d.Schema)
+  {
+    w.Attribute(a.Name, a.Value);
+  }
   for (const PipelineInclude& i : d.Includes)
   {
     w.Open("include", i);

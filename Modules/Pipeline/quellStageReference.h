@@ -16,8 +16,6 @@ VTKQUELLPIPELINE_EXPORT std::string StageList(const StageRegistry& registry);
 VTKQUELLPIPELINE_EXPORT std::string StageText(const StageDescription& stage);
 /// The reference of these types (all: registry.Types()) as one Markdown document.
 VTKQUELLPIPELINE_EXPORT std::string StageMarkdown(const StageRegistry& registry, const std::vector<std::string>& types);
-/// An XML Schema of the pipeline file: its grammar, stage types and property names with their documentation.
-VTKQUELLPIPELINE_EXPORT std::string PipelineXsd(const StageRegistry& registry);
 
 /// "[0, 1]", "0 or more", "Scale, Drop", "" where everything goes.
 VTKQUELLPIPELINE_EXPORT std::string RangeText(const Property& property);

@@ -49,6 +49,24 @@ struct Builder
     }
   }
 
+  bool Count()
+  {
+    if (++this->Elements > this->Limits.Elements)
+    {
+      this->Stop("more than " + std::to_string(this->Limits.Elements) + " elements and comments");
+    }
+    return !this->Stopped;
+  }
+
+  bool CheckName(const char* name)
+  {
+    if (std::strlen(name) > this->Limits.Name)
+    {
+      this->Stop("a name of more than " + std::to_string(this->Limits.Name) + " characters: " + Quoted(name));
+    }
+    return !this->Stopped;
+  }
+
   // expat says where a tag starts, not where its attributes are: walk through the start tag's own bytes. In other
   // encodings than UTF-8 the byte at the index is no '<' or the names do not match; then the tag's place has to do.
   void PlaceAttributes(XmlElement& element) const
@@ -129,10 +147,28 @@ struct Builder
       b.Stop("elements are nested more than " + std::to_string(b.Limits.Depth) + " deep");
       return;
     }
-    if (++b.Elements > b.Limits.Elements)
+    if (!b.Count() || !b.CheckName(name))
     {
-      b.Stop("more than " + std::to_string(b.Limits.Elements) + " elements");
       return;
+    }
+    int count = 0;
+    for (const XML_Char** a = attributes; a[0]; a += 2)
+    {
+      if (++count > b.Limits.Attributes)
+      {
+        b.Stop("an element with more than " + std::to_string(b.Limits.Attributes) + " attributes");
+        return;
+      }
+      if (!b.CheckName(a[0]))
+      {
+        return;
+      }
+      if (std::strlen(a[1]) > b.Limits.Value)
+      {
+        b.Stop("the value of attribute " + Quoted(a[0]) + " has more than " + std::to_string(b.Limits.Value) +
+               " characters");
+        return;
+      }
     }
     XmlElement element;
     element.Name = name;
@@ -191,7 +227,7 @@ struct Builder
   static void Comment(void* data, const XML_Char* text)
   {
     Builder& b = *static_cast<Builder*>(data);
-    if (!b.Stopped)
+    if (!b.Stopped && b.Count())
     {
       b.Comments.push_back(text);
     }

@@ -34,8 +34,11 @@ struct VTKQUELLPIPELINE_EXPORT XmlElement
 struct XmlLimits
 {
   std::size_t Bytes = 16u << 20;
+  std::size_t Name = 256;    ///< characters of an element's or attribute's name
+  std::size_t Value = 65536; ///< characters of an attribute's value
   int Depth = 64;
-  int Elements = 200000;
+  int Elements = 100000; ///< elements and comments
+  int Attributes = 64;   ///< of one element
 };
 
 /// Parses a whole document with expat. Document type declarations are refused (and with them entity bombs and external

@@ -444,7 +444,7 @@ inline void vtkQuellImageWriter::Describe(quell::StageDescription& d)
   d.Category = "Test";
   d.Brief = "Writes.";
   d.Sink = true;
-  d.RepeatableInput("layer", quell::ArrayKind::Any, "radiance", "layers");
+  d.RepeatableInput("layer", quell::ArrayKind::Any, "radiance", "layers").Attribute("name", "of the layer");
   QUELL_STRING(d, File, "Name.");
 }
 inline void vtkQuellDisplayTransform::Describe(quell::StageDescription& d)
@@ -480,8 +480,7 @@ inline const quell::StageRegistry& Registry()
 inline std::shared_ptr<quell::Graph> Load(const std::string& body, const quell::GraphOptions& options = {})
 {
   quell::Diagnostics messages;
-  const auto document =
-    quell::ReadPipelineText("<pipeline version=\"1\">" + body + "</pipeline>", "t.xml", messages);
+  const auto document = quell::ReadPipelineText("<pipeline version=\"1\">" + body + "</pipeline>", "t.xml", messages);
   auto graph = quell::BuildGraph(document, Registry(), options, messages);
   EXPECT_FALSE(messages.HasErrors()) << messages.ToText();
   return graph;

@@ -3,6 +3,7 @@
 #include "PipelineTestStages.h"
 #include "quellGraph.h"
 #include "quellPipelineReader.h"
+#include "quellPipelineSchema.h"
 #include "quellPipelineWriter.h"
 #include "quellStageReference.h"
 #include "quellXmlDocument.h"
@@ -126,7 +127,7 @@ TEST(XmlDocument, BoundsAndRefusals)
   EXPECT_EQ(error(deep), "f:1:193: error: elements are nested more than 64 deep\n");
   XmlLimits few;
   few.Elements = 3;
-  EXPECT_EQ(error("<a><b/><b/><b/></a>", few), "f:1:12: error: more than 3 elements\n");
+  EXPECT_EQ(error("<a><b/><b/><b/></a>", few), "f:1:12: error: more than 3 elements and comments\n");
   few.Bytes = 10;
   EXPECT_EQ(error("<a>       </a>", few), "f: error: the file has 14 bytes, more than the 10 allowed\n");
 }
