@@ -106,8 +106,8 @@ const std::size_t MaximumNodes = 5000;
 // Templates multiply what a file says. Every step of the expansion is charged about what it costs in time and memory;
 // at a nanosecond and a byte each this is far more than a pipeline of MaximumNodes needs.
 const std::size_t MaximumWork = 100000000;
-const std::size_t StepWork = 64, ConnectionWork = 1024;
-const std::size_t MaximumHintWork = 500000000; // of comparing misspelt names with all that there are
+const std::size_t StepWork = 256, ConnectionWork = 1024;
+const std::size_t MaximumHintWork = 50000000; // of comparing misspelt names with all that there are
 
 /// An expanded value and the directory that relative paths in it are seen from.
 struct Value
@@ -322,18 +322,20 @@ private:
     place.File = CommandLine;
     return place;
   }
+  /// Looking for what a misspelt name may have meant costs more than all the rest; after thousands of them, no more.
+  bool Hints() const { return this->HintWork <= MaximumHintWork; }
   std::string Near(const std::string& name, const std::vector<std::string>& names)
   {
     for (const std::string& n : names)
     {
       this->HintWork += (name.size() + 1) * (n.size() + 1);
     }
-    return this->HintWork > MaximumHintWork ? std::string() : DidYouMean(name, names);
+    return this->Hints() ? DidYouMean(name, names) : std::string();
   }
   std::string NearOr(const std::string& name, const std::vector<std::string>& names, const std::string& label)
   {
     const std::string near = this->Near(name, names);
-    return near.empty() ? label + Listed(names) : near;
+    return near.empty() && this->Hints() ? label + Listed(names) : near;
   }
   /// Charges a step of the expansion; false, once with a message, when there is no end to it.
   bool Spend(std::size_t work, const SourceLocation& place, const Who& who)
@@ -424,6 +426,10 @@ private:
 
   std::vector<std::string> VariableNames(const Scope& scope) const
   {
+    if (!this->Hints())
+    {
+      return {};
+    }
     std::vector<std::string> names = scope.Names();
     std::set<std::string> seen(names.begin(), names.end());
     // While globals are being resolved, those not reached yet count too.
@@ -1328,8 +1334,12 @@ private:
     {
       return { this->Unknown(r) }; // its own mistake is reported
     }
-    std::vector<std::string> names = r.In->Names;
-    if (r.In->Path.empty())
+    std::vector<std::string> names;
+    if (this->Hints())
+    {
+      names = r.In->Names;
+    }
+    if (r.In->Path.empty() && this->Hints())
     {
       for (const auto& n : this->ByPath)
       {
@@ -1436,7 +1446,7 @@ private:
 
   std::vector<Endpoint> ResolveOutput(const Reference& r, Instance& instance, const std::string& port, int depth)
   {
-    if (instance.Broken)
+    if (instance.Broken || !this->Spend(instance.Template->Outputs.size(), r.From->Place, r.About))
     {
       return { this->Unknown(r) };
     }
@@ -2137,14 +2147,13 @@ private:
     if (available.Known && !this->Overfull)
     {
       std::vector<std::string> names;
-      for (const OutputArray& a : available.Arrays)
+      for (std::size_t i = 0; i < available.Arrays.size() && this->Hints(); ++i)
       {
-        names.push_back(a.Name);
+        names.push_back(available.Arrays[i].Name);
       }
       const Reference& r = end.Origin;
-      const std::string near = this->Near(array, names);
       this->Error(r.From->Place, r.About, this->NodeTitle(end.Node) + " has no output " + Quoted(array),
-        near.empty() ? "it has " + Listed(names) : near);
+        this->NearOr(array, names, "it has "));
     }
     return nullptr;
   }
@@ -2317,9 +2326,16 @@ private:
     }
     const std::string start = this->Result->Nodes[std::size_t(first)].Path;
     std::string loop = start;
-    for (auto name = names.rbegin(); name != names.rend(); ++name)
+    // A long loop is told by both of its ends.
+    const std::size_t count = names.size(), shown = 20;
+    for (std::size_t i = 0; i < count; ++i)
     {
-      loop += " <- " + *name;
+      if (count > 2 * shown && i == shown)
+      {
+        loop += " <- ... (" + std::to_string(count - 2 * shown) + " more)";
+        i = count - shown;
+      }
+      loop += " <- " + names[count - 1 - i];
     }
     loop += " <- " + start;
     Who who;

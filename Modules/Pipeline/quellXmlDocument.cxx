@@ -224,6 +224,16 @@ struct Builder
     }
   }
 
+  // expat takes any word for a version; other parsers refuse such a file.
+  static void Declaration(void* data, const XML_Char* version, const XML_Char*, int)
+  {
+    Builder& b = *static_cast<Builder*>(data);
+    if (version && std::strcmp(version, "1.0") != 0)
+    {
+      b.Stop("the XML version is " + Quoted(version) + ", not \"1.0\"");
+    }
+  }
+
   static void Comment(void* data, const XML_Char* text)
   {
     Builder& b = *static_cast<Builder*>(data);
@@ -291,6 +301,7 @@ bool ParseXml(
   XML_SetUserData(builder.Parser, &builder);
   XML_SetElementHandler(builder.Parser, Builder::Start, Builder::End);
   XML_SetCharacterDataHandler(builder.Parser, Builder::Characters);
+  XML_SetXmlDeclHandler(builder.Parser, Builder::Declaration);
   XML_SetCommentHandler(builder.Parser, Builder::Comment);
   XML_SetStartDoctypeDeclHandler(builder.Parser, Builder::Doctype);
   const XML_Status status = XML_Parse(builder.Parser, text.data(), int(text.size()), 1);

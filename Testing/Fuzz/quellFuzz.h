@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellFuzz_h
+#define quellFuzz_h
+
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
+
+/// A pipeline file that others are made from.
+struct FuzzSeed
+{
+  std::string File; ///< documents made from it are read under this name, so that what it includes is found
+  std::string Text;
+};
+
+/// Makes document after document from seeds. Document n is a function of (seed, n) alone.
+class FuzzMutator
+{
+public:
+  FuzzMutator(const std::vector<FuzzSeed>& seeds, std::uint64_t seed)
+    : Seeds(seeds)
+    , Seed(seed)
+  {
+  }
+  FuzzSeed Make(std::uint64_t n);
+
+private:
+  std::size_t Below(std::size_t n) { return n ? std::size_t(this->Random() % n) : 0; }
+  const std::string& Piece();
+  std::string Value();
+  void MutateBytes(std::string& text);
+  void MutateAttribute(std::string& text);
+  void MutateElement(std::string& text);
+  void AddBlock(std::string& text);
+  void Encode(std::string& text);
+
+  const std::vector<FuzzSeed>& Seeds;
+  std::uint64_t Seed;
+  std::mt19937_64 Random;
+};
+
+/// A document made to break something, and words of the message that must come instead.
+struct FuzzBomb
+{
+  const char* Name;
+  std::string Text;
+  std::string Message; ///< empty: it is a good file
+};
+std::vector<FuzzBomb> FuzzBombs();
+
+#endif
