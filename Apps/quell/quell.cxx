@@ -108,6 +108,8 @@ int Run(int argc, char** argv)
   runApp->add_option("--stats", run.Stats, "Write counters and seconds of every node as JSON")->type_name("FILE.json");
   runApp->add_flag("--quiet", run.Quiet, "No progress");
 
+  runApp->add_flag("--times", run.Times, "At the end, what every node was estimated to take and what it took");
+
   quell::ExplainArguments explain;
   CLI::App* explainApp = app.add_subcommand("explain", "Say what a run would do, and do nothing");
   AddPipelineOptions(explainApp, explain);
@@ -155,6 +157,25 @@ int Run(int argc, char** argv)
     ->type_name("N")
     ->check(CLI::Range(1, 4096));
   verifyApp->add_flag("--quiet", verify.Quiet, "No progress");
+
+  quell::CalibrateArguments calibrate;
+  CLI::App* calibrateApp =
+    app.add_subcommand("calibrate", "Measure what stages cost on this machine, for the estimates of explain and run");
+  calibrateApp->add_option("FILE", calibrate.Files, "Pipeline files whose stages are measured; nothing is written")
+    ->required();
+  calibrateApp->add_option("-D", calibrate.Defines, "Give a variable of the files another value")
+    ->type_name("NAME=VALUE ...");
+  calibrateApp->add_option("--repeats", calibrate.Frames, "Frames to measure after the first one, default 4")
+    ->type_name("N")
+    ->check(CLI::Range(1, 1000));
+  calibrateApp
+    ->add_option("--out", calibrate.Out,
+      "Where the costs are kept; default $QUELL_COSTS, else quell/costs.json in $XDG_CACHE_HOME or ~/.cache")
+    ->type_name("FILE.json");
+  calibrateApp->add_option("--threads", threads, "Threads to use; all when not given")
+    ->type_name("N")
+    ->check(CLI::Range(1, 4096));
+  calibrateApp->add_flag("--quiet", calibrate.Quiet, "No progress");
 
   quell::TradeoffArguments tradeoff;
   CLI::App* tradeoffApp = app.add_subcommand("tradeoff", "Measure speed against accuracy over settings of a pipeline");
@@ -266,6 +287,10 @@ int Run(int argc, char** argv)
     if (*verifyApp)
     {
       return quell::VerifyCommand(verify);
+    }
+    if (*calibrateApp)
+    {
+      return quell::CalibrateCommand(calibrate);
     }
     if (*tradeoffApp)
     {

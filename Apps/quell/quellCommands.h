@@ -45,6 +45,7 @@ struct PipelineArguments
 struct RunArguments : PipelineArguments
 {
   std::string Stats;
+  bool Times = false;
   bool Quiet = false, Resume = false;
 };
 struct ExplainArguments : PipelineArguments
@@ -68,6 +69,13 @@ struct VerifyArguments
   std::string File;
   bool Json = false, Quiet = false;
 };
+struct CalibrateArguments
+{
+  std::vector<std::string> Files, Defines;
+  std::string Out;
+  int Frames = 4;
+  bool Quiet = false;
+};
 struct TradeoffArguments : PipelineArguments
 {
   std::string Reference, Layer, Output, Budget, Target;
@@ -86,6 +94,7 @@ int NodesCommand(const NodesArguments& arguments);
 int CompareCommand(const CompareArguments& arguments);
 int VerifyCommand(const VerifyArguments& arguments);
 int TradeoffCommand(const TradeoffArguments& arguments);
+int CalibrateCommand(const CalibrateArguments& arguments);
 int InspectCommand(const std::string& file, bool json);
 
 /// "name=value" at the first `=`; throws UsageError naming `option`.
@@ -111,6 +120,9 @@ GraphOptions GraphOptionsOf(const PipelineArguments& arguments);
 void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end);
 /// The plan of a run, in bands where --memory asks for that; throws UsageError when it needs more all the same.
 ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);
+/// What stages cost, of this machine where it was measured; a file that cannot be read is warned of.
+CostModel LoadCosts();
+int ThreadCount();
 /// False after an error that is already printed (exit status 2). Throws UsageError.
 bool PrepareRun(const PipelineArguments& arguments, PreparedRun& run);
 }

@@ -6,6 +6,8 @@
 #include "quellPipelineReader.h"
 #include "quellProvenance.h"
 
+#include "vtkSMPTools.h"
+
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -108,6 +110,13 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   out["frames"] = { { "first", plan.FirstTick }, { "end", plan.EndTick }, { "warmUp", plan.WarmUp },
     { "restWeight", plan.RestWeight }, { "rate", plan.Ticks.Rate } };
   out["arrayBytes"] = PlanBytes(plan);
+  int unknown = 0;
+  const double seconds = PlanSeconds(plan, unknown);
+  if (seconds >= 0)
+  {
+    out["estimate"] = { { "seconds", seconds }, { "threads", plan.Threads }, { "nodesNotKnown", unknown },
+      { "ofThisMachine", plan.CostsOfThisMachine } };
+  }
   out["variables"] = json::object();
   for (const auto& v : plan.Variables)
   {
@@ -125,6 +134,10 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
     json node = { { "id", n.Path }, { "type", n.Type }, { "executes", n.Executes }, { "makes", n.Makes },
       { "passes", n.Passes }, { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes },
       { "keptBytes", n.KeptBytes }, { "notes", n.Notes } };
+    if (n.Seconds >= 0)
+    {
+      node["seconds"] = n.Seconds;
+    }
     node["region"] = { n.Region.x0, plan.Height - n.Region.y1, n.Region.x1, plan.Height - n.Region.y0 };
     node["properties"] = json::object();
     for (const auto& p : n.Properties)
@@ -306,6 +319,22 @@ ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)
   return plan;
 }
 
+CostModel LoadCosts()
+{
+  std::string problem;
+  const CostModel model = CostModel::Load(CostModel::DefaultFile(), problem);
+  if (!problem.empty())
+  {
+    std::fprintf(stderr, "quell: warning: %s\n", problem.c_str());
+  }
+  return model;
+}
+
+int ThreadCount()
+{
+  return std::max(1, vtkSMPTools::GetEstimatedNumberOfThreads());
+}
+
 int CheckCommand(const std::string& file)
 {
   int errors = 0;
@@ -337,12 +366,13 @@ int ExplainCommand(const ExplainArguments& arguments)
   {
     throw UsageError(error);
   }
-  const ExecutionPlan plan = CheckedPlan(arguments, run);
+  ExecutionPlan plan = CheckedPlan(arguments, run);
   if (!plan.Error.empty())
   {
     std::fprintf(stderr, "quell: error: %s\n", plan.Error.c_str());
     return ExitFailed;
   }
+  EstimateCosts(plan, *run.Executor, LoadCosts(), ThreadCount());
   const std::string text = arguments.Dot    ? PlanDot(plan)
                            : arguments.Json ? PlanJson(plan).dump(2) + "\n"
                                             : PlanText(plan);

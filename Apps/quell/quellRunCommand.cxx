@@ -485,7 +485,72 @@ std::vector<std::string> WrittenNames(
   return names.empty() ? std::vector<std::string>(single.begin(), single.end()) : names;
 }
 
-bool WriteStats(const std::string& file, const PreparedRun& run, int frames, double seconds,
+/// Estimates of a run and what nodes took, per execution. The first frame is not counted where there are more: it reads
+/// the scene and has no history.
+struct Times
+{
+  ExecutionPlan Plan;
+  std::map<std::string, StageCounters> FirstFrame;
+
+  StageCounters Of(const NodeCounters& c, bool& first) const
+  {
+    StageCounters k = c.Counters;
+    const auto at = this->FirstFrame.find(c.Path);
+    first = at == this->FirstFrame.end() || k.Executions <= at->second.Executions;
+    if (!first)
+    {
+      k.Executions -= at->second.Executions;
+      k.Seconds -= at->second.Seconds;
+      k.Bytes -= at->second.Bytes;
+    }
+    return k;
+  }
+  void Print(const PipelineExecutor& executor) const
+  {
+    std::printf("%-32s %12s %12s %7s %12s %12s\n", "node", "estimate", "took", "ratio", "arrays est.", "arrays");
+    double estimate = 0, took = 0;
+    bool anyFirst = false;
+    const std::vector<NodeCounters> counters = executor.Counters();
+    for (const PlannedNode& n : this->Plan.Nodes)
+    {
+      const auto c =
+        std::find_if(counters.begin(), counters.end(), [&n](const NodeCounters& x) { return x.Path == n.Path; });
+      if (!n.Executes || c == counters.end() || c->Counters.Executions == 0)
+      {
+        continue;
+      }
+      bool first = false;
+      const StageCounters k = this->Of(*c, first);
+      anyFirst = anyFirst || first;
+      const double seconds = k.Seconds / double(k.Executions);
+      char ratio[24] = "";
+      if (n.Seconds > 0)
+      {
+        std::snprintf(ratio, sizeof ratio, "%.2f", seconds / n.Seconds);
+        estimate += n.Seconds;
+        took += seconds;
+      }
+      std::printf("%-32s %12s %12s %7s %12s %12s\n", n.Path.c_str(),
+        n.Seconds < 0 ? "not known" : SecondsText(n.Seconds).c_str(), SecondsText(seconds).c_str(), ratio,
+        BytesText(n.Bytes).c_str(), BytesText(double(k.Bytes) / double(k.Executions)).c_str());
+    }
+    if (estimate > 0)
+    {
+      std::printf("%-32s %12s %12s %7.2f\n", "of these", SecondsText(estimate).c_str(), SecondsText(took).c_str(),
+        took / estimate);
+    }
+    if (anyFirst)
+    {
+      std::printf("of a single frame: with reading the scene and without history, which the estimates leave out\n");
+    }
+    if (!this->Plan.CostsOfThisMachine)
+    {
+      std::printf("the estimates are those of another machine: quell calibrate measures this one\n");
+    }
+  }
+};
+
+bool WriteStats(const std::string& file, const PreparedRun& run, const Times& times, int frames, double seconds,
   const std::vector<double>& frameSeconds, const std::vector<std::string>& files)
 {
   nlohmann::json out;
@@ -500,9 +565,15 @@ bool WriteStats(const std::string& file, const PreparedRun& run, int frames, dou
   for (const NodeCounters& c : run.Executor->Counters())
   {
     const StageCounters& k = c.Counters;
+    const auto planned = std::find_if(
+      times.Plan.Nodes.begin(), times.Plan.Nodes.end(), [&c](const PlannedNode& n) { return n.Path == c.Path; });
     out["nodes"].push_back({ { "id", c.Path }, { "type", c.Type }, { "executions", k.Executions },
       { "pixels", k.Pixels }, { "bytes", k.Bytes }, { "rays", k.Rays }, { "paths", k.Paths }, { "taps", k.Taps },
       { "nonFinite", k.NonFinite }, { "held", k.Held }, { "seconds", k.Seconds } });
+    if (planned != times.Plan.Nodes.end() && planned->Seconds >= 0)
+    {
+      out["nodes"].back()["estimatedSeconds"] = planned->Seconds * double(k.Executions);
+    }
   }
   std::ofstream stream(file);
   stream << out.dump(2) << "\n";
@@ -579,6 +650,13 @@ int RunCommand(const RunArguments& arguments)
     std::printf("nothing to do: all %d frames are there\n", run.End - run.First);
     return ExitDone;
   }
+  Times times;
+  if (arguments.Times || !arguments.Stats.empty())
+  {
+    times.Plan = CheckedPlan(arguments, run);
+    EstimateCosts(times.Plan, executor, LoadCosts(), ThreadCount());
+    executor.ResetCounters();
+  }
   ProgressLine line(ticks, arguments.Quiet);
   checkpoints.SetProgress(&line);
   FrameProgress progress(executor);
@@ -650,6 +728,13 @@ int RunCommand(const RunArguments& arguments)
     }
     finished += mode != TickMode::WarmUp;
     ++done;
+    if (times.FirstFrame.empty())
+    {
+      for (const NodeCounters& c : executor.Counters())
+      {
+        times.FirstFrame[c.Path] = c.Counters;
+      }
+    }
     checkpoints.FrameDone(tick);
     frameSeconds.push_back(SecondsSince(frameStart));
     line.FrameDone(tick, done, frameSeconds.back());
@@ -689,9 +774,13 @@ int RunCommand(const RunArguments& arguments)
         std::printf("%s\n", report.c_str());
       }
     }
+    if (arguments.Times)
+    {
+      times.Print(executor);
+    }
   }
   std::fflush(stdout);
-  if (!arguments.Stats.empty() && !WriteStats(arguments.Stats, run, finished, seconds, frameSeconds, files) &&
+  if (!arguments.Stats.empty() && !WriteStats(arguments.Stats, run, times, finished, seconds, frameSeconds, files) &&
       status == ExitDone)
   {
     status = ExitFailed;

@@ -139,7 +139,8 @@ public:
   /// Lines for `quell explain`: what this stage leaves out in this scene and why.
   /// What a pass would ask of the stage is in its output information (REQUESTED_ARRAYS) while this is called.
   virtual std::vector<std::string> Explain() { return {}; }
-  /// What a pixel costs, in units of a usual filter: weighs the stages of a progress bar before there are times.
+  /// What a pixel costs with the properties as they are, in units of a usual filter (100 ns of one thread): weighs the
+  /// stages of a progress bar before there are times, and is what CostModel multiplies by what it measured of the type.
   virtual double CostPerPixel() const { return 1; }
 
   /// Of the execution at work, for observers of its progress; on the thread that updates.

@@ -60,6 +60,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.1 + 0.18 * this->Iterations; }
   bool FillsOutputs() const override { return true; }
 
 protected:

@@ -24,6 +24,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.05; }
   bool FillsOutputs() const override { return true; }
 
 protected:

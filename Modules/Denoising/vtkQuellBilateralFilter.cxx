@@ -217,6 +217,12 @@ int vtkQuellBilateralFilter::HaloFor(int) const
   return Names(this->Arrays).empty() ? std::max(1, this->EffectiveRadius()) : this->EffectiveRadius() + 1;
 }
 
+double vtkQuellBilateralFilter::CostPerPixel() const
+{
+  const double side = 2 * this->EffectiveRadius() + 1;
+  return 0.1 + side * side / 121;
+}
+
 void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
 {
   this->CheckSettings();

@@ -71,6 +71,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override;
   bool FillsOutputs() const override { return true; }
   bool Makes(const std::string& array) const override;
   void CheckSettings() override;

@@ -39,6 +39,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.1; }
   bool FillsOutputs() const override { return true; }
 
 protected:

@@ -42,6 +42,7 @@ public:
   std::string GetReport() const override;
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.05; }
 
 protected:
   vtkQuellFireflyClamp();

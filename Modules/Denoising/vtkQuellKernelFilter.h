@@ -55,6 +55,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.05 + 0.01 * this->HaloFor(0); }
   bool FillsOutputs() const override { return true; }
   bool Makes(const std::string& array) const override;
   void CheckSettings() override;

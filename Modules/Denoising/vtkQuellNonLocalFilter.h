@@ -53,7 +53,11 @@ public:
   int HaloFor(int port) const override;
   bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
-  double CostPerPixel() const override { return this->Regresses() ? 60 : 15; }
+  double CostPerPixel() const override
+  {
+    const double side = 2 * this->Radius + 1;
+    return (this->Regresses() ? 60 : 15) * side * side / 441;
+  }
 
 protected:
   vtkQuellNonLocalFilter() = default;

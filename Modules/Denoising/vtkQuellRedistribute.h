@@ -57,6 +57,7 @@ public:
   std::string GetReport() const override;
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.1; }
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
 
 protected:

@@ -57,7 +57,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
-  double CostPerPixel() const override { return 8; }
+  double CostPerPixel() const override { return 8. * (2 * this->Radius + 1) * (2 * this->Radius + 1) / 121; }
 
 protected:
   vtkQuellSampleFilter();

@@ -20,6 +20,7 @@ public:
   QUELL_STAGE(vtkQuellSum);
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.05; }
   bool FillsOutputs() const override { return true; }
 
 protected:

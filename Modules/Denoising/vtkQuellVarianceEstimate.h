@@ -51,6 +51,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double CostPerPixel() const override { return 0.1; }
   bool FillsOutputs() const override { return true; }
 
 protected:

@@ -81,6 +81,32 @@ double PlanBytes(const ExecutionPlan& plan)
   return bytes;
 }
 
+void EstimateCosts(ExecutionPlan& plan, const PipelineExecutor& executor, const CostModel& model, int threads)
+{
+  plan.Threads = threads;
+  plan.CostsOfThisMachine = model.IsOfThisMachine();
+  for (PlannedNode& n : plan.Nodes)
+  {
+    const vtkQuellStage* stage = executor.GetStage(n.Path);
+    if (n.Executes && stage)
+    {
+      n.Seconds = model.Seconds(*stage, n.Type, double(n.Region.area()), threads);
+    }
+  }
+}
+
+double PlanSeconds(const ExecutionPlan& plan, int& unknown)
+{
+  double seconds = -1;
+  unknown = 0;
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    unknown += n.Executes && n.Seconds < 0;
+    seconds = n.Seconds < 0 ? seconds : std::max(0., seconds) + n.Seconds;
+  }
+  return seconds < 0 ? seconds : seconds * plan.Bands;
+}
+
 HistoryPlan PlanHistory(const PipelineExecutor& executor, int first, double tolerance)
 {
   const Graph& graph = executor.GetGraph();
@@ -498,7 +524,8 @@ std::string PlanText(const ExecutionPlan& plan)
     }
     if (!n.Makes.empty())
     {
-      out += "    makes " + Joined(n.Makes) + " (" + BytesText(n.Bytes) + ")\n";
+      out += "    makes " + Joined(n.Makes) + " (" + BytesText(n.Bytes) +
+             (n.Seconds < 0 ? "" : ", about " + SecondsText(n.Seconds)) + ")\n";
     }
     if (!n.Passes.empty())
     {
@@ -536,6 +563,15 @@ std::string PlanText(const ExecutionPlan& plan)
     int(std::count_if(plan.Nodes.begin(), plan.Nodes.end(), [](const PlannedNode& n) { return n.Executes; })), pixels,
     BytesText(bytes).c_str());
   out += cost;
+  int unknown = 0;
+  const double seconds = PlanSeconds(plan, unknown);
+  if (seconds >= 0)
+  {
+    out += "time: about " + SecondsText(seconds) + " a frame with " + std::to_string(plan.Threads) +
+           (plan.Threads == 1 ? " thread" : " threads") + " (without reading the scene";
+    out += unknown > 0 ? "; " + std::to_string(unknown) + (unknown == 1 ? " node" : " nodes") + " not known)" : ")";
+    out += plan.CostsOfThisMachine ? "\n" : "; costs of another machine, quell calibrate measures this one\n";
+  }
   const double held = PlanBytes(plan);
   if (held > bytes)
   {
@@ -549,8 +585,10 @@ std::string PlanDot(const ExecutionPlan& plan)
   std::string out = "digraph quell {\n  rankdir=LR;\n  node [shape=box];\n";
   for (const PlannedNode& n : plan.Nodes)
   {
-    out += "  " + DotQuoted(n.Path) +
-           " [label=" + DotQuoted(n.Path + " | " + n.Type + " | " + RegionText(n.Region, plan.Height)) + "];\n";
+    out += "  " + DotQuoted(n.Path) + " [label=" +
+           DotQuoted(n.Path + " | " + n.Type + " | " + RegionText(n.Region, plan.Height) +
+                     (n.Seconds < 0 ? "" : " | " + SecondsText(n.Seconds))) +
+           "];\n";
   }
   for (const PlannedNode& n : plan.Nodes)
   {

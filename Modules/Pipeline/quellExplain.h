@@ -2,6 +2,7 @@
 #ifndef quellExplain_h
 #define quellExplain_h
 
+#include "quellCostModel.h"
 #include "quellPipelineExecutor.h"
 #include "vtkQuellPipelineModule.h"
 
@@ -30,6 +31,7 @@ struct PlannedNode
   std::vector<std::string> Keeps;                  ///< read by the next frame; the node runs on the whole frame
   double Bytes = 0;                                ///< of arrays made per frame
   double KeptBytes = 0;                            ///< of those kept for the next one
+  double Seconds = -1;                             ///< estimated, of one execution (EstimateCosts); negative: unknown
   std::vector<std::string> Notes;                  ///< what the stage itself leaves out and why
   std::vector<std::pair<std::string, std::string>> Properties; ///< that differ from the default
 };
@@ -53,6 +55,8 @@ struct ExecutionPlan
   std::vector<Output> Outputs;
   std::vector<PlannedNode> Nodes;
   std::vector<std::pair<std::string, std::string>> LeftOut; ///< `node "x" (T)` -> why
+  int Threads = 0;                                          ///< of the estimates; 0: there are none
+  bool CostsOfThisMachine = false;                          ///< the estimates follow from quell calibrate
   std::string Error;                                        ///< why the plan is not complete
 };
 
@@ -60,6 +64,12 @@ struct ExecutionPlan
 /// executes nothing. Frames: the run's [first, end), as quell run takes them; `tolerance` as for PlanHistory.
 VTKQUELLPIPELINE_EXPORT ExecutionPlan MakePlan(
   PipelineExecutor& executor, const std::optional<DisplayRegion>& region, int first, int end, double tolerance = 1e-3);
+
+/// Fills in what every node of the plan would take.
+VTKQUELLPIPELINE_EXPORT void EstimateCosts(
+  ExecutionPlan& plan, const PipelineExecutor& executor, const CostModel& model, int threads);
+/// Of one frame; negative where nothing is known. `unknown`: nodes that are not in it.
+VTKQUELLPIPELINE_EXPORT double PlanSeconds(const ExecutionPlan& plan, int& unknown);
 
 /// MakePlan; where the arrays between the stages need more than `bytes`, the plan of a band in the middle of the frame
 /// with the most rows (a multiple of 16) that fit, and BandRows says so. Where no 16 rows fit, or the pipeline cannot

@@ -2,6 +2,7 @@
 #include "quellTradeoff.h"
 
 #include "quellCancelToken.h"
+#include "quellCostModel.h"
 #include "quellImageFile.h"
 #include "quellLeaveOut.h"
 #include "quellMetrics.h"
@@ -23,7 +24,6 @@
 #include <filesystem>
 #include <fstream>
 #include <set>
-#include <thread>
 
 namespace fs = std::filesystem;
 
@@ -67,21 +67,6 @@ double MetricOf(const SettingResult& s, const std::string& metric)
 bool Measured(const SettingResult& s, const std::string& metric)
 {
   return s.Error.empty() && s.Runs > 0 && std::isfinite(MetricOf(s, metric));
-}
-
-std::string Machine()
-{
-  std::ifstream file("/proc/cpuinfo");
-  std::string line, name = "unknown processor";
-  while (std::getline(file, line))
-  {
-    if (line.compare(0, 10, "model name") == 0 && line.find(':') != std::string::npos)
-    {
-      name = line.substr(line.find(':') + 2);
-      break;
-    }
-  }
-  return name + ", " + std::to_string(std::max(1u, std::thread::hardware_concurrency())) + " processors";
 }
 
 ImageIn ViewOf(vtkImageData* image, const std::string& array)
@@ -996,7 +981,7 @@ TradeoffReport Tradeoff::Run()
   report.Pipeline = o.Document->File;
   report.Reference = o.Reference;
   report.Output = in.Output(*in.Settings.front().Pipeline).Name;
-  report.Machine = Machine();
+  report.Machine = MachineText();
   report.Metrics = o.Metrics;
   report.FirstFrame = in.First;
   report.EndFrame = in.End;

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellCostModel.h"
+
+#include "vtkQuellStage.h"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include <unistd.h>
+
+namespace fs = std::filesystem;
+
+namespace quell
+{
+namespace
+{
+/// The file name of what a stage renders; empty for filters.
+std::string SceneOf(const vtkQuellStage& stage)
+{
+  return stage.GetDescription().FindProperty("Scene") ? fs::path(stage.GetPropertyText("Scene")).filename().string()
+                                                      : std::string();
+}
+
+double Median(std::vector<double> values)
+{
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+}
+
+CostModel CostModel::BuiltIn()
+{
+  CostModel model;
+  // quell calibrate Data/Pipelines/*.xml
+  model.Costs = {};
+  return model;
+}
+
+std::string CostModel::DefaultFile()
+{
+  if (const char* file = std::getenv("QUELL_COSTS"))
+  {
+    return file;
+  }
+  const char* cache = std::getenv("XDG_CACHE_HOME");
+  const char* home = std::getenv("HOME");
+  return cache && *cache ? (fs::path(cache) / "quell" / "costs.json").string()
+         : home && *home ? (fs::path(home) / ".cache" / "quell" / "costs.json").string()
+                         : std::string();
+}
+
+CostModel CostModel::Load(const std::string& file, std::string& problem)
+{
+  CostModel model = BuiltIn();
+  std::ifstream stream(file);
+  if (file.empty() || !stream)
+  {
+    return model;
+  }
+  const nlohmann::json json = nlohmann::json::parse(stream, nullptr, false);
+  if (!json.is_object() || !json.contains("machine") || !json["machine"].is_string() || !json.contains("nanoseconds") ||
+      !json["nanoseconds"].is_object())
+  {
+    problem = file + " is not what quell calibrate writes: it is ignored";
+    return model;
+  }
+  if (json["machine"].get<std::string>() != MachineText())
+  {
+    problem = file + " is of another machine (" + json["machine"].get<std::string>() + "): it is ignored";
+    return model;
+  }
+  for (const auto& entry : json["nanoseconds"].items())
+  {
+    const double ns = entry.value().is_number() ? entry.value().get<double>() : 0.;
+    if (std::isfinite(ns) && ns > 0)
+    {
+      model.Costs[entry.key()] = ns;
+      model.Calibrated = true;
+    }
+  }
+  return model;
+}
+
+double CostModel::Seconds(const vtkQuellStage& stage, const std::string& type, double pixels, int threads) const
+{
+  const std::string scene = SceneOf(stage);
+  auto at = scene.empty() ? this->Costs.end() : this->Costs.find(type + " " + scene);
+  at = at == this->Costs.end() ? this->Costs.find(type) : at;
+  return at == this->Costs.end() ? -1. : pixels * stage.CostPerPixel() * at->second * 1e-9 / std::max(1, threads);
+}
+
+void CostModel::Measure(const vtkQuellStage& stage, const std::string& type, double pixels, int threads, double seconds)
+{
+  const double units = pixels * stage.CostPerPixel();
+  if (!(units > 0) || !(seconds > 0))
+  {
+    return;
+  }
+  const double ns = seconds * std::max(1, threads) * 1e9 / units;
+  const std::string scene = SceneOf(stage);
+  this->Samples[type].push_back(ns);
+  if (!scene.empty())
+  {
+    this->Samples[type + " " + scene].push_back(ns);
+  }
+}
+
+int CostModel::Settle()
+{
+  const int count = int(this->Samples.size());
+  for (const auto& s : this->Samples)
+  {
+    this->Costs[s.first] = Median(s.second);
+  }
+  this->Calibrated = this->Calibrated || count > 0;
+  this->Samples.clear();
+  return count;
+}
+
+void CostModel::Save(const std::string& file) const
+{
+  std::error_code ec;
+  fs::create_directories(fs::path(file).parent_path(), ec);
+  nlohmann::json json = { { "machine", MachineText() }, { "nanoseconds", nlohmann::json::object() } };
+  for (const auto& c : this->Costs)
+  {
+    json["nanoseconds"][c.first] = c.second;
+  }
+  const std::string part = file + "." + std::to_string(getpid()) + ".part";
+  std::ofstream stream(part);
+  stream << json.dump(2) << "\n";
+  stream.close();
+  if (stream)
+  {
+    fs::rename(part, file, ec);
+  }
+  if (!stream || ec)
+  {
+    std::error_code ignored;
+    fs::remove(part, ignored);
+    throw StageError("cannot write \"" + file + "\"");
+  }
+}
+
+std::string MachineText()
+{
+  std::ifstream file("/proc/cpuinfo");
+  std::string line, name = "unknown processor";
+  while (std::getline(file, line))
+  {
+    if (line.compare(0, 10, "model name") == 0 && line.find(':') != std::string::npos)
+    {
+      name = line.substr(line.find(':') + 2);
+      break;
+    }
+  }
+  return name + ", " + std::to_string(std::max(1u, std::thread::hardware_concurrency())) + " processors";
+}
+
+std::string SecondsText(double seconds)
+{
+  char text[48];
+  if (seconds < 1)
+  {
+    std::snprintf(text, sizeof text, seconds < 0.01 ? "%.2f ms" : seconds < 0.1 ? "%.1f ms" : "%.0f ms", 1e3 * seconds);
+  }
+  else
+  {
+    std::snprintf(text, sizeof text, seconds < 100 ? "%.2f s" : "%.0f s", seconds);
+  }
+  return text;
+}
+}
