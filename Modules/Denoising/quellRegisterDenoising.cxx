@@ -12,6 +12,7 @@
 #include "vtkQuellKernelFilter.h"
 #include "vtkQuellMedianOfMeans.h"
 #include "vtkQuellNonLocalMeans.h"
+#include "vtkQuellNormalSnap.h"
 #include "vtkQuellRankClamp.h"
 #include "vtkQuellRedistribute.h"
 #include "vtkQuellRegressionFilter.h"
@@ -33,6 +34,7 @@ void quell::RegisterDenoisingStages(StageRegistry& registry)
   registry.Add<vtkQuellKernelFilter>();
   registry.Add<vtkQuellMedianOfMeans>();
   registry.Add<vtkQuellNonLocalMeans>();
+  registry.Add<vtkQuellNormalSnap>();
   registry.Add<vtkQuellRankClamp>();
   registry.Add<vtkQuellRedistribute>();
   registry.Add<vtkQuellRegressionFilter>();

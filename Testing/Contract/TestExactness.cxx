@@ -188,6 +188,7 @@ TEST_P(Exactness, ConstantsAreFixedPoints)
     "AovSplit",                                              // multiplies passes by colours
     "DisplayTransform",                                      // another unit
     "FeaturePrefilter",                                      // filters features, not colours
+    "NormalSnap",                                            // the same
     "Redistribute" };                                        // adds what the clamp took
   if (others.count(this->GetParam()))
     GTEST_SKIP() << "not a mean of colours";
