@@ -139,6 +139,20 @@ struct RenderSession::Internals
     std::string Path;
     int Samples = 1, First = 0;
   };
+  /// Sources that have all samples of a tick: asked again they have nothing to do, or only further arrays.
+  std::map<std::string, std::pair<int, vtkMTimeType>> Complete;
+
+  bool IsComplete(const std::vector<SampledSource>& sources, int tick) const
+  {
+    return std::all_of(sources.begin(), sources.end(),
+      [&](const SampledSource& s)
+      {
+        const auto at = this->Complete.find(s.Path);
+        vtkQuellStage* stage = this->Executor->GetStage(s.Path);
+        return stage && at != this->Complete.end() && at->second.first == tick &&
+               at->second.second == stage->GetMTime();
+      });
+  }
 
   bool Superseded(std::uint64_t serial) const
   {
@@ -515,6 +529,13 @@ struct RenderSession::Internals
       }
       f->Nodes.push_back(n);
     }
+    if (result.Ok && samples <= 0)
+    {
+      for (const SampledSource& source : sources)
+      {
+        this->Complete[source.Path] = { tick, this->Executor->GetStage(source.Path)->GetMTime() };
+      }
+    }
     if (result.Ok)
     {
       for (const ViewTarget& t : wish.Targets)
@@ -649,7 +670,9 @@ struct RenderSession::Internals
       const int target = sources.empty() ? 0 : sources.front().Samples;
       const bool alike = std::all_of(
         sources.begin(), sources.end(), [&](const SampledSource& s) { return s.Samples == target; });
-      if (wish.Progressive && !wish.Play && alike)
+      this->SetSamples(sources, tick, 0);
+      this->SetPose(wish, sources);
+      if (wish.Progressive && !wish.Play && alike && !this->IsComplete(sources, tick))
       {
         for (int n = 1; 2 * n <= target; n *= 4)
         {

@@ -149,7 +149,6 @@ TEST(RenderSession, AFilterParameterLeavesThePathTracerAlone)
   f.Wish.Document = document;
   f.Wish.Options = Small(1);
   f.Wish.Targets = { { "sum", "radiance" } };
-  f.Wish.Progressive = false;
   ASSERT_TRUE(f.Run()->Ok);
   auto edited = std::make_shared<PipelineDocument>(*document);
   for (PipelineNode& n : edited->Nodes)
