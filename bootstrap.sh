@@ -3,6 +3,7 @@
 #   ./bootstrap.sh run FILE.xml [options]   path-trace, filter and write what the pipeline says (quell run)
 #   ./bootstrap.sh test [ctest options]     build everything and run the whole test suite
 #   ./bootstrap.sh build                    build everything
+#   ./bootstrap.sh view [FILE]              assemble, steer and inspect a pipeline in a window (quell-view)
 #   ./bootstrap.sh bench [NAME...]          measure (all, or those whose names begin so); build/bench.json
 #   ./bootstrap.sh report filters           bias and variance of every filter over many seeds; Documentation/filters.md
 set -euo pipefail
@@ -11,10 +12,11 @@ build=${QUELL_BUILD_DIR:-$top/build}
 
 packages=(g++ cmake ninja-build ccache
   libvtk9-dev libembree-dev libopenimageio-dev openimageio-tools libopencolorio-dev libtbb-dev libhwy-dev libexpat1-dev
-  libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev libxml2-dev)
+  libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev libxml2-dev
+  libimgui-dev pkg-config fonts-dejavu-core xvfb xauth)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
-usage() { sed -n '3,7s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
+usage() { sed -n '3,8s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
 
 install_missing() {
   local missing=() p
@@ -66,6 +68,9 @@ case $command in
   test)
     install_missing; configure; compile
     cd "$build" && exec ctest --output-on-failure -j "$(nproc)" "$@" ;;
+  view)
+    install_missing; configure; compile quell-view
+    exec "$build/bin/quell-view" "$@" ;;
   bench)
     packages+=(libopencv-dev libopencv-contrib-dev) # only to compare with
     install_missing; configure

@@ -20,6 +20,6 @@ find_package(CLI11 REQUIRED)
 if (BUILD_TESTING)
   find_package(GTest REQUIRED)
   find_package(VTK 9.1 REQUIRED COMPONENTS FiltersCore FiltersGeneral FiltersSources)
-  # Only an example uses it; here, because what it finds must be known where VTK's targets are.
-  find_package(VTK 9.1 QUIET OPTIONAL_COMPONENTS RenderingOpenGL2)
 endif ()
+# The viewer and an example use it; here, because what it finds must be known where VTK's targets are.
+find_package(VTK 9.1 QUIET OPTIONAL_COMPONENTS InteractionStyle RenderingOpenGL2)

@@ -750,6 +750,90 @@ TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
   return result;
 }
 
+void PipelineExecutor::TakeStages(PipelineExecutor& from)
+{
+  // A stage keeps its connections where producer, array, port and attributes are the same.
+  const auto same = [](const Graph& a, const GraphNode& x, const Graph& b, const GraphNode& y)
+  {
+    if (x.Type != y.Type || x.Inputs.size() != y.Inputs.size())
+    {
+      return false;
+    }
+    for (std::size_t i = 0; i < x.Inputs.size(); ++i)
+    {
+      const GraphEdge &e = x.Inputs[i], &f = y.Inputs[i];
+      if (e.Port != f.Port || e.Connection != f.Connection || e.Array != f.Array || e.Delayed != f.Delayed ||
+          e.Attributes != f.Attributes ||
+          a.Nodes[std::size_t(e.Producer)].Path != b.Nodes[std::size_t(f.Producer)].Path)
+      {
+        return false;
+      }
+    }
+    return true;
+  };
+  for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
+  {
+    const GraphNode& node = this->Plan->Nodes[n];
+    const int old = from.Plan->Find(node.Path);
+    if (old < 0 || !from.Stages[std::size_t(old)] ||
+        !same(*this->Plan, node, *from.Plan, from.Plan->Nodes[std::size_t(old)]))
+    {
+      continue;
+    }
+    vtkSmartPointer<vtkQuellStage> stage;
+    std::swap(stage, from.Stages[std::size_t(old)]);
+    stage->RemoveObserver(from.Watch->Command);
+    stage->GetExecutive()->RemoveObserver(from.Watch->Command);
+    from.Watch->Names.erase(stage);
+    for (const GraphProperty& p : from.Plan->Nodes[std::size_t(old)].Properties)
+    {
+      const auto named = [&p](const GraphProperty& q) { return q.Name == p.Name; };
+      const Property* row = node.Description().FindProperty(p.Name);
+      std::string error;
+      if (row && std::none_of(node.Properties.begin(), node.Properties.end(), named))
+      {
+        stage->SetPropertyText(p.Name, row->DefaultText, error);
+      }
+    }
+    for (const GraphProperty& p : node.Properties)
+    {
+      std::string error;
+      stage->SetPropertyText(p.Name, p.Text, error);
+    }
+    stage->SetTimeline(this->Plan->Ticks);
+    stage->SetCancelToken(this->Token);
+    stage->SetWatched(this->Watched);
+    stage->SetMetadata(this->Metadata);
+    stage->SetMetadataSource([this, n] { return this->FrameMetadata(int(n)); });
+    if (this->Stages[n])
+    {
+      this->Watch->Names.erase(this->Stages[n]);
+    }
+    this->Watch->Add(stage, node.Path);
+    this->Stages[n] = stage;
+  }
+  // Whoever read another object now is connected anew.
+  for (std::size_t n = 0; n < this->Plan->Nodes.size(); ++n)
+  {
+    vtkQuellStage* stage = this->Stages[n];
+    if (!stage)
+    {
+      continue;
+    }
+    for (const GraphEdge& e : this->Plan->Nodes[n].Inputs)
+    {
+      if (!e.Delayed && stage->GetNumberOfInputConnections(e.Port) > e.Connection &&
+          stage->GetInputAlgorithm(e.Port, e.Connection) != this->Stages[std::size_t(e.Producer)])
+      {
+        stage->SetInputConnection(e.Port, nullptr);
+      }
+    }
+  }
+  this->History = std::move(from.History);
+  this->Stale = true;
+  this->Rebuild();
+}
+
 std::vector<NodeCounters> PipelineExecutor::Counters() const
 {
   std::vector<NodeCounters> all;

@@ -89,6 +89,11 @@ public:
   void SetHistoryLength(int ticks);
   ///@}
 
+  /// Takes over what `from` made where it is still right: stages of the same path, type and connections (with their
+  /// data and caches; their properties become this graph's) and the history. For editors that change a graph while it
+  /// runs: only what an edit reaches executes again. `from` can only be destroyed afterwards.
+  void TakeStages(PipelineExecutor& from);
+
   /// Changes a parameter; the history stays. False fills `error`.
   bool SetProperty(const std::string& node, const std::string& name, const std::string& text, std::string& error);
   void ClearHistory() { this->History.Clear(); }

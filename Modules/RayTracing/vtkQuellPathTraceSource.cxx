@@ -239,6 +239,27 @@ void vtkQuellPathTraceSource::SetCamera(const std::string& name)
   }
 }
 
+void vtkQuellPathTraceSource::SetViewpoint(const Viewpoint& viewpoint)
+{
+  const auto same = [](const quell::Mat4& a, const quell::Mat4& b) { return std::memcmp(a.m, b.m, sizeof a.m) == 0; };
+  if (!this->Outside || !same(this->Outside->Camera, viewpoint.Camera) ||
+      !same(this->Outside->Before, viewpoint.Before) || this->Outside->Tick != viewpoint.Tick ||
+      this->Outside->FromScene != viewpoint.FromScene)
+  {
+    this->Outside.reset(new Viewpoint(viewpoint));
+    this->Modified();
+  }
+}
+
+void vtkQuellPathTraceSource::ClearViewpoint()
+{
+  if (this->Outside)
+  {
+    this->Outside.reset();
+    this->Modified();
+  }
+}
+
 void vtkQuellPathTraceSource::SetAnimation(const std::string& name)
 {
   if (this->Animation != name)
@@ -679,7 +700,7 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   const quell::Rect region = frame.Region(), whole = frame.Whole();
   const int tick = frame.Tick(), target = this->SamplesPerPixel;
   const double rate = this->Ticks.Rate > 0 ? this->Ticks.Rate : 1;
-  const double time = tick / rate, shutter = this->ShutterTime / rate;
+  const double time = (this->Outside ? this->Outside->Tick : tick) / rate, shutter = this->ShutterTime / rate;
 
   try
   {
@@ -692,7 +713,7 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       in.BuiltOneSided = this->HideBackFaces;
     }
     in.Built->SetShutter(-shutter / 2, shutter / 2);
-    in.Built->SetTime(time, (tick - 1) / rate);
+    in.Built->SetTime(time, this->Outside ? time : (tick - 1) / rate);
   }
   catch (const std::exception& e)
   {
@@ -724,6 +745,14 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     if (shutter > 0 && model.Node >= 0 && scene.Animated())
       integrator.View.MoveInShutter(
         pose(built.NodeMatrix(model.Node, time - shutter / 2)), pose(built.NodeMatrix(model.Node, time + shutter / 2)));
+  }
+  if (this->Outside)
+  {
+    const quell::CameraModel model = index < 0 ? quell::CameraModel() : scene.Cameras[index];
+    const auto pose = [&](const quell::Mat4& matrix)
+    { return quell::Camera(model, matrix, built.Origin(), whole.width(), whole.height()); };
+    integrator.PreviousView = this->Outside->FromScene ? integrator.View : pose(this->Outside->Before);
+    integrator.View = pose(this->Outside->Camera);
   }
   integrator.Shutter = shutter > 0 && (built.Has.MotionBlur || integrator.View.MovesInShutter());
   if (this->LensRadius > 0)
@@ -777,6 +806,15 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
                        std::to_string(whole.height()) + ' ' + std::to_string(first);
   if (integrator.Pattern == quell::SamplePattern::BlueNoise)
     shared += " of " + std::to_string(target); // its points depend on how many there are
+  if (this->Outside)
+  {
+    shared += this->Outside->FromScene ? " seen from" : " then seen from";
+    for (const quell::Mat4* m : { &this->Outside->Camera, &this->Outside->Before })
+      for (const auto& row : m->m)
+        for (const double v : row)
+          shared += ' ' + quell::detail::FormatDouble(v);
+    shared += " at " + std::to_string(this->Outside->Tick);
+  }
   std::string primaryKey = std::to_string(in.Generation) + ' ' + shared, key = primaryKey;
   std::string persistentKey = in.Hash + ' ' + shared;
   for (const quell::Property& p : this->GetDescription().Properties)

@@ -54,6 +54,7 @@
 #ifndef vtkQuellPathTraceSource_h
 #define vtkQuellPathTraceSource_h
 
+#include "quellVector.h"
 #include "vtkQuellRayTracingModule.h"
 #include "vtkQuellStage.h"
 
@@ -226,6 +227,19 @@ public:
   ///@}
 
   ///@{
+  /// A camera from outside, a viewer's: world from camera, looks along -z, with the opening of the chosen one. The scene
+  /// stands still at the time of `Tick`, whatever tick is asked, and motion is that from Before to Camera alone.
+  struct Viewpoint
+  {
+    quell::Mat4 Camera, Before;
+    int Tick = 0;
+    bool FromScene = false; ///< the previous frame's was the scene's own camera; Before is not used
+  };
+  void SetViewpoint(const Viewpoint& viewpoint);
+  void ClearViewpoint();
+  ///@}
+
+  ///@{
   /// Bytes that the sums of all samples may take to be kept after an execution, for refinement; above, the arrays alone
   /// are kept. Changes no bit. Default 2^28.
   void SetFilmMemory(std::size_t bytes) { this->FilmMemory = bytes; }
@@ -264,6 +278,7 @@ private:
   bool HideBackFaces = false;
   double SampleClamp = 0, LensRadius = 0, FocusDistance = 0, ShutterTime = 0, FilterRadius = 0;
   std::size_t FilmMemory = std::size_t(1) << 28;
+  std::unique_ptr<Viewpoint> Outside;
   std::unique_ptr<Internals> Internal;
 };
 

@@ -1,0 +1,984 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The picture: what is shown, zoom and pan, comparison, pixel inspector, histogram, the camera.
+#include "quellUi.h"
+#include "quellViewer.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkPointData.h"
+
+#include <imgui_internal.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace quell
+{
+namespace
+{
+const char* const CompareNames[] = { "A alone", "Wipe", "Flip", "Difference", "Signed difference", "Relative error",
+  "FLIP map" };
+
+/// Array names of an image, for lists.
+std::vector<std::string> ArraysOf(vtkImageData* image)
+{
+  std::vector<std::string> names;
+  for (int i = 0; image && i < image->GetPointData()->GetNumberOfArrays(); ++i)
+  {
+    if (vtkDataArray* a = image->GetPointData()->GetArray(i))
+    {
+      names.push_back(a->GetName() ? a->GetName() : "");
+    }
+  }
+  return names;
+}
+
+std::string ValueText(float v)
+{
+  char text[32];
+  if (std::isnan(v))
+  {
+    return "NaN";
+  }
+  if (std::isinf(v))
+  {
+    return v > 0 ? "+inf" : "-inf";
+  }
+  std::snprintf(text, sizeof text, "%.5g", double(v));
+  return text;
+}
+}
+
+Picture Viewer::PictureOf(const ViewTarget& target) const
+{
+  Picture p;
+  if (!this->LastGood || target.Node.empty())
+  {
+    return p;
+  }
+  const ViewTarget real = ResolveTarget(*this->LastGood->Document, target);
+  const auto image = this->LastGood->Images.find(real.Node);
+  if (image == this->LastGood->Images.end())
+  {
+    return p;
+  }
+  p.Image = image->second;
+  p.Array = real.Array;
+  const auto known = this->LastGood->Arrays.find(real.Node);
+  if (p.Array.empty() && known != this->LastGood->Arrays.end() && !known->second.empty())
+  {
+    p.Array = known->second.front().Name;
+  }
+  const ImageIn view = ArrayView(p.Image, p.Array);
+  if (!view)
+  {
+    return Picture();
+  }
+  p.Kind = KindOf(p.Array, view.components);
+  if (known != this->LastGood->Arrays.end())
+  {
+    for (const OutputArray& a : known->second)
+    {
+      if (a.Name == p.Array && a.Kind != ArrayKind::Any)
+      {
+        p.Kind = a.Kind;
+      }
+    }
+  }
+  return p;
+}
+
+Picture Viewer::PictureB() const
+{
+  switch (this->BFrom)
+  {
+    case SourceB::Node:
+      return this->PictureOf(this->B);
+    case SourceB::Kept:
+      return this->Kept;
+    default:
+      break;
+  }
+  Picture p = this->Reference;
+  // The reference's array of the name that is shown, where it has one.
+  const Picture a = this->PictureOf(this->A);
+  if (p && a && ArrayView(p.Image, a.Array))
+  {
+    p.Array = a.Array;
+    p.Kind = a.Kind;
+  }
+  return p;
+}
+
+void Viewer::ImageToolbar()
+{
+  // What is shown: node and array.
+  ImGui::SetNextItemWidth(this->S(150));
+  const std::string nodeText = this->A.Node.empty() ? "nothing" : this->A.Node;
+  if (ImGui::BeginCombo("##node", nodeText.c_str(), ImGuiComboFlags_HeightLarge))
+  {
+    for (const PipelineNode& n : this->Doc.Nodes(""))
+    {
+      if (ImGui::Selectable(n.Id.Value.c_str(), n.Id.Value == this->A.Node))
+      {
+        this->SelectTarget(n.Id.Value, "");
+      }
+      this->Tooltip(n.Type.Value);
+    }
+    ImGui::EndCombo();
+  }
+  this->Mark("image/node");
+  this->Tooltip("The node whose picture is shown; clicking a node in the graph does the same");
+  ImGui::SameLine();
+  const ViewTarget real = ResolveTarget(*this->Doc.Get(), this->A);
+  const Picture shown = this->PictureOf(this->A);
+  ImGui::SetNextItemWidth(this->S(140));
+  const std::string arrayText = !this->A.Array.empty() ? this->A.Array : shown ? shown.Array : "";
+  if (ImGui::BeginCombo("##array", arrayText.c_str(), ImGuiComboFlags_HeightLarge))
+  {
+    const int box = this->Scope.empty() ? this->Model.Find(this->A.Node) : -1;
+    std::vector<std::string> own;
+    if (box >= 0 && this->Model.Boxes[std::size_t(box)].Kind == BoxKind::Instance)
+    {
+      for (const GraphPin& p : this->Model.Boxes[std::size_t(box)].Outputs)
+      {
+        if (ImGui::Selectable(p.Name.c_str(), p.Name == this->A.Array))
+        {
+          this->SelectTarget(this->A.Node, p.Name);
+        }
+        own.push_back(p.Name);
+      }
+    }
+    else if (this->LastGood)
+    {
+      const auto known = this->LastGood->Arrays.find(real.Node);
+      bool separated = false;
+      if (known != this->LastGood->Arrays.end())
+      {
+        for (const OutputArray& a : known->second)
+        {
+          if (a.Name.compare(0, 6, "bounce") == 0 && a.Name.size() > 7)
+          {
+            continue; // bounce10 ... would fill the list
+          }
+          const GraphBox* b = box >= 0 ? &this->Model.Boxes[std::size_t(box)] : nullptr;
+          if (!separated && b && b->Description && !b->Description->FindOutput(a.Name) && &a != &known->second.front())
+          {
+            ImGui::Separator();
+            ImGui::TextColored(Colors::Dim, "passed through or on demand");
+            separated = true;
+          }
+          if (ImGui::Selectable(a.Name.c_str(), a.Name == arrayText))
+          {
+            this->SelectTarget(this->A.Node, a.Name);
+          }
+          this->Tooltip(std::string(KindName(a.Kind)) + ": " + a.Doc);
+        }
+      }
+    }
+    ImGui::EndCombo();
+  }
+  this->Mark("image/array");
+  ImGui::SameLine(0, this->S(14));
+  ImGui::SetNextItemWidth(this->S(112));
+  const bool automatic = this->Display.Style == DisplayStyle::Automatic;
+  const char* styleName = "Automatic";
+  for (const auto& s : DisplayStyleNames())
+  {
+    styleName = s.first == this->Display.Style ? s.second : styleName;
+  }
+  if (ImGui::BeginCombo("##style", styleName))
+  {
+    for (const auto& s : DisplayStyleNames())
+    {
+      if (ImGui::Selectable(s.second, s.first == this->Display.Style))
+      {
+        this->Display.Style = s.first;
+      }
+    }
+    ImGui::EndCombo();
+  }
+  this->Mark("image/style");
+  this->Tooltip("How numbers become colours; Automatic goes by what the array is");
+  const DisplayStyle style = this->Presented ? this->Presented->A.Style : DisplayStyle::View;
+  ImGui::SameLine();
+  if (style == DisplayStyle::View)
+  {
+    ImGui::SetNextItemWidth(this->S(100));
+    if (ImGui::BeginCombo("##view", this->Display.View.c_str()))
+    {
+      for (const std::string& v : this->Views)
+      {
+        if (ImGui::Selectable(v.c_str(), v == this->Display.View))
+        {
+          this->Display.View = v;
+        }
+      }
+      ImGui::EndCombo();
+    }
+    this->Mark("image/view");
+    this->Tooltip("OpenColorIO view of the shipped configuration");
+    ImGui::SameLine();
+    float exposure = float(this->Display.Exposure);
+    ImGui::SetNextItemWidth(this->S(110));
+    if (ImGui::SliderFloat("##exposure", &exposure, -8, 8, "%+.2f EV"))
+    {
+      this->Display.Exposure = double(exposure);
+    }
+    if (ImGui::IsItemClicked(1))
+    {
+      this->Display.Exposure = 0;
+    }
+    this->Mark("image/exposure");
+    this->Tooltip("Exposure in stops (+ and -; 0 or a right click resets)");
+  }
+  else if (style != DisplayStyle::Direction && style != DisplayStyle::Labels)
+  {
+    bool automaticRange = this->Display.AutoRange;
+    if (ImGui::Checkbox("auto", &automaticRange))
+    {
+      this->Display.AutoRange = automaticRange;
+      if (!automaticRange && this->Presented)
+      {
+        this->Display.Low = this->Presented->A.Low;
+        this->Display.High = this->Presented->A.High;
+      }
+    }
+    this->Mark("image/auto");
+    this->Tooltip("Range from the picture (0.2 % of the values on either side are left out)");
+    if (!this->Display.AutoRange)
+    {
+      float range[2] = { float(this->Display.Low), float(this->Display.High) };
+      ImGui::SameLine();
+      ImGui::SetNextItemWidth(this->S(130));
+      if (ImGui::DragFloat2("##range", range, std::max(1e-5f, std::fabs(range[1] - range[0]) * 0.005f), 0, 0, "%.4g"))
+      {
+        this->Display.Low = double(range[0]);
+        this->Display.High = double(range[1]);
+      }
+    }
+  }
+  (void)automatic;
+
+  ImGui::SameLine(0, this->S(14));
+  ImGui::SetNextItemWidth(this->S(130));
+  if (ImGui::BeginCombo("##compare", CompareNames[int(this->Compared)]))
+  {
+    for (int i = 0; i < 7; ++i)
+    {
+      if (ImGui::Selectable(CompareNames[i], i == int(this->Compared)))
+      {
+        this->Compared = CompareMode(i);
+        this->FlipShowsB = this->Compared == CompareMode::Flip;
+      }
+      this->Mark(std::string("compare/") + std::to_string(i));
+    }
+    ImGui::EndCombo();
+  }
+  this->Mark("image/compare");
+  this->Tooltip("Compare the picture (A) with another one (B)");
+  if (this->Compared != CompareMode::Off)
+  {
+    ImGui::SameLine();
+    ImGui::SetNextItemWidth(this->S(150));
+    const std::string bText = this->BFrom == SourceB::Node
+                                ? (this->B.Node.empty() ? "choose B" : this->B.Node + (this->B.Array.empty() ? "" : ":" + this->B.Array))
+                              : this->BFrom == SourceB::Kept ? (this->Kept ? "kept: " + this->KeptName : "nothing is kept")
+                              : this->Reference             ? "reference"
+                                                            : "choose B";
+    if (ImGui::BeginCombo("##b", bText.c_str(), ImGuiComboFlags_HeightLarge))
+    {
+      if (ImGui::Selectable(this->Reference ? "reference" : "reference file\u2026"))
+      {
+        this->BFrom = SourceB::Reference;
+        if (!this->Reference)
+        {
+          this->OpenFileDialog("reference", "Compare with", ".exr .hdr .png .jpg .pfm");
+        }
+      }
+      this->Mark("b/reference");
+      if (this->Reference && ImGui::Selectable("another reference file\u2026"))
+      {
+        this->OpenFileDialog("reference", "Compare with", ".exr .hdr .png .jpg .pfm");
+      }
+      if (ImGui::Selectable("the picture as it is now (K)", false, this->LastGood ? 0 : ImGuiSelectableFlags_Disabled))
+      {
+        this->Kept = this->PictureOf(this->A);
+        this->KeptName = this->A.Node;
+        this->BFrom = SourceB::Kept;
+      }
+      this->Mark("b/keep");
+      if (this->Kept && ImGui::Selectable(("kept: " + this->KeptName).c_str()))
+      {
+        this->BFrom = SourceB::Kept;
+      }
+      ImGui::Separator();
+      for (const PipelineNode& n : this->Doc.Nodes(""))
+      {
+        if (ImGui::Selectable(n.Id.Value.c_str(), this->BFrom == SourceB::Node && this->B.Node == n.Id.Value))
+        {
+          this->BFrom = SourceB::Node;
+          this->B = { n.Id.Value, "" };
+          // The same array of both, where both have it.
+          if (this->LastGood && shown)
+          {
+            const auto known = this->LastGood->Arrays.find(ResolveTarget(*this->Doc.Get(), this->B).Node);
+            if (known != this->LastGood->Arrays.end() &&
+                std::any_of(known->second.begin(), known->second.end(),
+                  [&](const OutputArray& a) { return a.Name == shown.Array; }) &&
+                n.IsInstance == false)
+            {
+              this->B.Array = shown.Array;
+            }
+          }
+        }
+        this->Mark("b/" + n.Id.Value);
+      }
+      ImGui::EndCombo();
+    }
+    this->Mark("image/b");
+    if (this->Compared == CompareMode::Difference || this->Compared == CompareMode::Signed)
+    {
+      ImGui::SameLine();
+      ImGui::SetNextItemWidth(this->S(80));
+      ImGui::SliderFloat("##gain", &this->Gain, 0.1f, 1000, "\u00d7 %.3g", ImGuiSliderFlags_Logarithmic);
+      this->Mark("image/gain");
+      this->Tooltip("Gain of the difference");
+    }
+  }
+}
+
+void Viewer::Legend(const DisplayImage& image, const ImVec2& at, const std::string& title)
+{
+  ImDrawList* list = ImGui::GetWindowDrawList();
+  const float width = this->S(150), height = this->S(10), pad = this->S(7);
+  ImGui::PushFont(this->Win.Small());
+  const float line = ImGui::GetTextLineHeight();
+  const ImVec2 a(at.x - width - 2 * pad, at.y - height - 2 * line - 2 * pad - this->S(3));
+  list->AddRectFilled(a, at, IM_COL32(16, 17, 20, 215), this->S(4));
+  list->AddText(ImVec2(a.x + pad, a.y + pad * 0.7f), ImGui::GetColorU32(Colors::Text), title.c_str());
+  const float y = a.y + pad * 0.7f + line + this->S(3);
+  const int steps = 50;
+  for (int i = 0; i < steps; ++i)
+  {
+    std::uint8_t c[3];
+    MapColor(image.Style, (i + 0.5) / steps, c);
+    list->AddRectFilled(ImVec2(a.x + pad + width * float(i) / steps, y),
+      ImVec2(a.x + pad + width * float(i + 1) / steps + 0.5f, y + height), IM_COL32(c[0], c[1], c[2], 255));
+  }
+  const std::string low = Figure(image.Low), high = Figure(image.High);
+  list->AddText(ImVec2(a.x + pad, y + height + this->S(1)), ImGui::GetColorU32(Colors::Dim), low.c_str());
+  list->AddText(ImVec2(a.x + pad + width - ImGui::CalcTextSize(high.c_str()).x, y + height + this->S(1)),
+    ImGui::GetColorU32(Colors::Dim), high.c_str());
+  if (image.Logarithmic)
+  {
+    list->AddText(ImVec2(a.x + pad + width / 2 - ImGui::CalcTextSize("log").x / 2, y + height + this->S(1)),
+      ImGui::GetColorU32(Colors::Dim), "log");
+  }
+  ImGui::PopFont();
+}
+
+void Viewer::CameraGesture(const ImVec2& min, const ImVec2& max, bool hovered)
+{
+  ImGuiIO& io = ImGui::GetIO();
+  const Picture shown = this->PictureOf(this->A);
+  if (!shown)
+  {
+    return;
+  }
+  const bool dragging = ImGui::IsItemActive() && (io.MouseDelta.x != 0 || io.MouseDelta.y != 0);
+  const bool wheeling = hovered && io.MouseWheel != 0;
+  if (!dragging && !wheeling)
+  {
+    return;
+  }
+  const FrameFacts facts = FrameFacts::Read(shown.Image->GetFieldData());
+  if (!this->Camera)
+  {
+    Mat4 inverse;
+    if (!facts.HasCamera || !facts.WorldToCamera.Inverse(inverse))
+    {
+      this->Tell("this picture has no camera: only path-traced ones have", true);
+      return;
+    }
+    inverse.m[0][3] += facts.Origin.x;
+    inverse.m[1][3] += facts.Origin.y;
+    inverse.m[2][3] += facts.Origin.z;
+    this->Camera = inverse;
+    this->Playing = false;
+  }
+  Mat4& c = *this->Camera;
+  const auto column = [&](int i) { return Vec3d{ c.m[0][i], c.m[1][i], c.m[2][i] }; };
+  const Vec3d right = column(0), up = column(1), back = column(2), eye = column(3);
+  // Around what the middle of the picture sees.
+  double distance = 0;
+  const ImageIn depth = ArrayView(shown.Image, "depth");
+  if (depth)
+  {
+    const float d = depth.at((depth.extent.x0 + depth.extent.x1) / 2, (depth.extent.y0 + depth.extent.y1) / 2)[0];
+    distance = std::isfinite(d) ? double(d) : 0;
+  }
+  if (!(distance > 0))
+  {
+    // No depth in this picture: the scene's origin, as far as it lies ahead.
+    const Vec3d origin{ facts.Origin.x, facts.Origin.y, facts.Origin.z };
+    distance = Dot(eye - origin, back);
+    if (!(distance > 1e-6))
+    {
+      distance = std::max(1e-3, Length(eye - origin));
+    }
+  }
+  const Vec3d pivot = eye - back * distance;
+  const double extent = double(std::max(1.f, max.y - min.y));
+  const auto set = [&c](int i, const Vec3d& v)
+  {
+    c.m[0][i] = v.x;
+    c.m[1][i] = v.y;
+    c.m[2][i] = v.z;
+  };
+  if (wheeling)
+  {
+    const double factor = std::pow(0.9, double(io.MouseWheel));
+    set(3, pivot + back * (distance * factor));
+  }
+  if (dragging && io.KeyShift)
+  {
+    const double step = distance / extent;
+    set(3, eye - right * (double(io.MouseDelta.x) * step) + up * (double(io.MouseDelta.y) * step));
+  }
+  else if (dragging)
+  {
+    const double yaw = -double(io.MouseDelta.x) / extent * 3.2, pitch = -double(io.MouseDelta.y) / extent * 3.2;
+    const auto turn = [](const Vec3d& v, const Vec3d& axis, double angle)
+    {
+      const double co = std::cos(angle), si = std::sin(angle);
+      return v * co + Cross(axis, v) * si + axis * (Dot(axis, v) * (1 - co));
+    };
+    const Vec3d worldUp{ 0, 1, 0 };
+    Vec3d b = turn(back, worldUp, yaw), r = turn(right, worldUp, yaw);
+    const Vec3d tilted = turn(b, r, pitch);
+    // Not over the poles.
+    if (std::fabs(tilted.y) < 0.995 || std::fabs(tilted.y) < std::fabs(b.y))
+    {
+      b = tilted;
+    }
+    b = Normalized(b);
+    r = Normalized(r - b * Dot(r, b));
+    set(0, r);
+    set(1, Cross(b, r));
+    set(2, b);
+    set(3, pivot + b * distance);
+  }
+  ++this->CameraSerial;
+  this->HurryNext = false;
+}
+
+void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
+{
+  ImGuiIO& io = ImGui::GetIO();
+  ImDrawList* list = ImGui::GetWindowDrawList();
+  const ImVec2 size(max.x - min.x, max.y - min.y);
+  if (size.x < 8 || size.y < 8)
+  {
+    return;
+  }
+  list->AddRectFilled(min, max, IM_COL32(20, 20, 21, 255));
+  ImGui::SetCursorScreenPos(min);
+  ImGui::InvisibleButton("canvas", size,
+    ImGuiButtonFlags_MouseButtonLeft | ImGuiButtonFlags_MouseButtonMiddle | ImGuiButtonFlags_MouseButtonRight);
+  this->MarkRect("image", min, max);
+  const bool hovered = ImGui::IsItemHovered();
+  const std::shared_ptr<const Presentation> p = this->Presented;
+  const bool any = p && p->A.Width > 0 && p->A.Error.empty() && this->TextureA.Id();
+  if (!any)
+  {
+    std::string text = "Nothing to show yet", hint;
+    if (this->Doc.Nodes("").empty())
+    {
+      text = "The graph is empty";
+      hint = "Press Tab or double-click below for a node; a source such as PathTraceSource or ImageReader comes first.";
+    }
+    else if (this->Shown && !this->Shown->Ok && !this->Shown->Error.empty())
+    {
+      text = "No picture";
+      hint = this->Shown->Error;
+    }
+    else if (!this->Session->Idle())
+    {
+      text = "Working\u2026";
+    }
+    else if (p && !p->A.Error.empty())
+    {
+      hint = p->A.Error;
+    }
+    ImGui::PushFont(this->Win.Bold());
+    const ImVec2 t = ImGui::CalcTextSize(text.c_str());
+    list->AddText(ImVec2(min.x + (size.x - t.x) / 2, min.y + size.y / 2 - t.y * 1.5f),
+      ImGui::GetColorU32(Colors::Dim), text.c_str());
+    ImGui::PopFont();
+    const float wrap = std::min(size.x - this->S(40), this->S(560));
+    const ImVec2 h = ImGui::CalcTextSize(hint.c_str(), nullptr, false, wrap);
+    list->AddText(ImGui::GetFont(), ImGui::GetFontSize(), ImVec2(min.x + (size.x - h.x) / 2, min.y + size.y / 2),
+      ImGui::GetColorU32(text == "No picture" ? Colors::Warning : Colors::Dim), hint.c_str(), nullptr, wrap);
+    return;
+  }
+  const double w = p->A.Width, h = p->A.Height;
+  if (this->FitImage)
+  {
+    this->Zoom = std::min((double(size.x) - 8) / w, (double(size.y) - 8) / h);
+    // Whole multiples look best where there is room.
+    this->Zoom = this->Zoom > 2 ? std::floor(this->Zoom * 2) / 2 : this->Zoom;
+    this->Centre = ImVec2(float(w / 2), float(h / 2));
+  }
+  const ImVec2 middle((min.x + max.x) / 2, (min.y + max.y) / 2);
+  const auto toScreen = [&](double x, double y)
+  {
+    return ImVec2(float(std::floor(double(middle.x) + (0 - double(this->Centre.x)) * this->Zoom) + x * this->Zoom),
+      float(std::floor(double(middle.y) + (0 - double(this->Centre.y)) * this->Zoom) + y * this->Zoom));
+  };
+  const auto toImage = [&](const ImVec2& s)
+  {
+    const ImVec2 o = toScreen(0, 0);
+    return ImVec2(float(double(s.x - o.x) / this->Zoom), float(double(s.y - o.y) / this->Zoom));
+  };
+
+  // The line of the wipe comes before panning.
+  const bool wipes = this->Compared == CompareMode::Wipe && this->TextureB.Id() && p->B.Error.empty();
+  const ImVec2 a = toScreen(0, 0), b = toScreen(w, h);
+  const float wipeX = a.x + this->WipeAt * (b.x - a.x);
+  if (wipes)
+  {
+    const bool near = hovered && std::fabs(io.MousePos.x - wipeX) < this->S(6);
+    if (near && ImGui::IsMouseClicked(0))
+    {
+      this->DraggingWipe = true;
+    }
+    if (near || this->DraggingWipe)
+    {
+      ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
+    }
+  }
+  if (!ImGui::IsMouseDown(0))
+  {
+    this->DraggingWipe = false;
+  }
+  if (this->DraggingWipe)
+  {
+    this->WipeAt = std::min(1.f, std::max(0.f, (io.MousePos.x - a.x) / std::max(1.f, b.x - a.x)));
+  }
+  else if (this->CameraMode)
+  {
+    this->CameraGesture(min, max, hovered);
+  }
+  else
+  {
+    if (hovered && io.MouseWheel != 0)
+    {
+      const ImVec2 before = toImage(io.MousePos);
+      const double steps[] = { 0.05, 0.0625, 0.083, 0.125, 0.167, 0.25, 0.333, 0.5, 0.667, 1, 1.5, 2, 3, 4, 6, 8, 12, 16,
+        24, 32, 48, 64 };
+      double next = this->Zoom;
+      if (io.MouseWheel > 0)
+      {
+        for (double s : steps)
+        {
+          if (s > this->Zoom * 1.001)
+          {
+            next = s;
+            break;
+          }
+        }
+      }
+      else
+      {
+        for (double s : steps)
+        {
+          next = s < this->Zoom * 0.999 ? s : next;
+        }
+      }
+      this->Zoom = std::min(64., std::max(0.05, next));
+      this->FitImage = false;
+      const ImVec2 after = toImage(io.MousePos);
+      this->Centre.x += before.x - after.x;
+      this->Centre.y += before.y - after.y;
+    }
+    if (ImGui::IsItemActive() && (io.MouseDelta.x != 0 || io.MouseDelta.y != 0) &&
+        (ImGui::IsMouseDragging(0, this->S(3)) || ImGui::IsMouseDragging(2, this->S(3))))
+    {
+      this->FitImage = false;
+      this->Centre.x -= float(double(io.MouseDelta.x) / this->Zoom);
+      this->Centre.y -= float(double(io.MouseDelta.y) / this->Zoom);
+    }
+    const ImVec2 drag = ImGui::GetMouseDragDelta(0, 0);
+    if (hovered && ImGui::IsMouseReleased(0) && std::hypot(drag.x, drag.y) < this->S(3))
+    {
+      this->PixelPinned = !this->PixelPinned && this->PixelValid;
+    }
+  }
+  this->Centre.x = std::min(float(w), std::max(0.f, this->Centre.x));
+  this->Centre.y = std::min(float(h), std::max(0.f, this->Centre.y));
+
+  if (!this->PixelPinned)
+  {
+    const ImVec2 at = toImage(io.MousePos);
+    this->PixelValid = hovered && at.x >= 0 && at.y >= 0 && double(at.x) < w && double(at.y) < h;
+    this->PixelX = int(at.x);
+    this->PixelY = int(at.y);
+  }
+  this->PixelValid = this->PixelValid && this->PixelX < p->A.Width && this->PixelY < p->A.Height;
+
+  const bool map = int(this->Compared) >= int(CompareMode::Difference);
+  const bool mapGood = map && this->TextureMap.Id() && p->Map.Error.empty() && p->Map.Width > 0;
+  const bool flipped = this->Compared == CompareMode::Flip && this->FlipShowsB && this->TextureB.Id();
+  list->PushClipRect(min, max, true);
+  const ImVec2 pa = toScreen(0, 0), pb = toScreen(w, h);
+  const Texture& main = mapGood ? this->TextureMap : flipped ? this->TextureB : this->TextureA;
+  list->AddImage(main.Id(), pa, pb);
+  if (wipes)
+  {
+    const float x = pa.x + this->WipeAt * (pb.x - pa.x);
+    list->AddImage(this->TextureB.Id(), ImVec2(x, pa.y), pb, ImVec2(this->WipeAt, 0), ImVec2(1, 1));
+    list->AddLine(ImVec2(x, pa.y), ImVec2(x, pb.y), IM_COL32(255, 255, 255, 210), this->S(1.5));
+    list->AddCircleFilled(ImVec2(x, (pa.y + pb.y) / 2), this->S(5), IM_COL32(255, 255, 255, 230));
+  }
+  list->AddRect(ImVec2(pa.x - 1, pa.y - 1), ImVec2(pb.x + 1, pb.y + 1), IM_COL32(70, 72, 76, 255));
+
+  // Numbers in the pixels, as soon as there is room for them.
+  if (this->Zoom >= 48)
+  {
+    const Picture shown = this->PictureOf(this->A);
+    const ImageIn v = shown ? ArrayView(shown.Image, shown.Array) : ImageIn();
+    const ImVec2 from = toImage(min), to = toImage(max);
+    ImGui::PushFont(this->Win.Small());
+    for (int y = std::max(0, int(from.y)); v && y < std::min(int(h), int(to.y) + 1); ++y)
+    {
+      for (int x = std::max(0, int(from.x)); x < std::min(int(w), int(to.x) + 1); ++x)
+      {
+        const float* f = v.at(v.extent.x0 + x, v.extent.y1 - 1 - y);
+        const ImVec2 corner = toScreen(x, y);
+        for (int c = 0; c < std::min(3, v.components); ++c)
+        {
+          char text[24];
+          std::snprintf(text, sizeof text, "%.3g", double(f[c]));
+          const ImVec2 at(corner.x + 3, corner.y + 2 + float(c) * (ImGui::GetTextLineHeight() - 1));
+          list->AddText(ImVec2(at.x + 1, at.y + 1), IM_COL32(0, 0, 0, 190), text);
+          list->AddText(at, v.components == 1 ? IM_COL32(255, 255, 255, 255)
+                            : c == 0          ? IM_COL32(255, 150, 150, 255)
+                            : c == 1          ? IM_COL32(160, 255, 160, 255)
+                                              : IM_COL32(165, 185, 255, 255),
+            text);
+        }
+      }
+    }
+    ImGui::PopFont();
+  }
+  if (this->PixelValid && (this->PixelPinned || this->Zoom >= 4))
+  {
+    const ImVec2 q0 = toScreen(this->PixelX, this->PixelY), q1 = toScreen(this->PixelX + 1, this->PixelY + 1);
+    const float grow = std::max(0.f, this->S(3) - (q1.x - q0.x) / 2);
+    list->AddRect(ImVec2(q0.x - grow - 1, q0.y - grow - 1), ImVec2(q1.x + grow + 1, q1.y + grow + 1), IM_COL32(0, 0, 0, 200));
+    list->AddRect(ImVec2(q0.x - grow, q0.y - grow), ImVec2(q1.x + grow, q1.y + grow),
+      this->PixelPinned ? ImGui::GetColorU32(Colors::Accent) : IM_COL32(255, 255, 255, 220));
+  }
+  list->PopClipRect();
+
+  // Labels of what is where.
+  ImGui::PushFont(this->Win.Small());
+  const auto label = [&](const ImVec2& at, const std::string& text, bool right, const ImVec4& colour)
+  {
+    const ImVec2 t = ImGui::CalcTextSize(text.c_str());
+    const ImVec2 q(right ? at.x - t.x - this->S(10) : at.x, at.y);
+    list->AddRectFilled(
+      q, ImVec2(q.x + t.x + this->S(10), q.y + t.y + this->S(6)), IM_COL32(16, 17, 20, 200), this->S(3));
+    list->AddText(ImVec2(q.x + this->S(5), q.y + this->S(3)), ImGui::GetColorU32(colour), text.c_str());
+  };
+  const Picture shown = this->PictureOf(this->A);
+  const std::string nameA = this->A.Node + (shown ? "  " + shown.Array : "");
+  const std::string nameB = this->BFrom == SourceB::Node     ? this->B.Node
+                            : this->BFrom == SourceB::Kept   ? "kept " + this->KeptName
+                                                             : "reference";
+  const ImVec2 corner(min.x + this->S(8), min.y + this->S(8)), opposite(max.x - this->S(8), min.y + this->S(8));
+  if (map)
+  {
+    label(corner, nameA + "  against  " + nameB, false, Colors::Text);
+    const std::string error = !p->MapError.empty() ? p->MapError : p->Map.Error;
+    if (!error.empty())
+    {
+      label(ImVec2(corner.x, corner.y + this->S(24)), error, false, Colors::Warning);
+    }
+    else if (mapGood && p->Map.Style != DisplayStyle::View)
+    {
+      this->Legend(p->Map, ImVec2(max.x - this->S(8), max.y - this->S(8)), CompareNames[int(this->Compared)]);
+    }
+  }
+  else
+  {
+    label(corner, flipped ? "B  " + nameB : (this->Compared != CompareMode::Off ? "A  " : "") + nameA, false,
+      flipped ? Colors::Accent : Colors::Text);
+    if (wipes)
+    {
+      label(opposite, "B  " + nameB, true, Colors::Accent);
+    }
+    if (this->Compared != CompareMode::Off && (!p->Wish.B || !p->B.Error.empty()))
+    {
+      label(ImVec2(corner.x, corner.y + this->S(24)),
+        p->B.Error.empty() ? "choose what B is, above" : p->B.Error, false, Colors::Warning);
+    }
+    if (p->A.Style == DisplayStyle::Heat || p->A.Style == DisplayStyle::LogHeat || p->A.Style == DisplayStyle::Gray ||
+        p->A.Style == DisplayStyle::Error || p->A.Style == DisplayStyle::Signed)
+    {
+      this->Legend(p->A, ImVec2(max.x - this->S(8), max.y - this->S(8)), shown.Array);
+    }
+  }
+  if (p->A.NonFinite > 0)
+  {
+    label(ImVec2(corner.x, max.y - this->S(30)),
+      std::to_string(p->A.NonFinite) + (p->A.NonFinite == 1 ? " pixel is" : " pixels are") + " not finite, the first at (" +
+        std::to_string(p->A.FirstX) + ", " + std::to_string(p->A.FirstY) + ") from the bottom left",
+      false, Colors::Warning);
+  }
+  else if (this->CameraMode)
+  {
+    label(ImVec2(corner.x, max.y - this->S(30)), "camera: drag orbits, Shift+drag pans, wheel dollies, H goes home", false,
+      Colors::Accent);
+  }
+  if (this->LastGood && this->Shown && !this->Shown->Ok && !this->Shown->Error.empty())
+  {
+    label(ImVec2(corner.x, corner.y + this->S(24)), "an older picture: " + Fitted(this->Shown->Error, size.x - this->S(160)),
+      false, Colors::Error);
+  }
+  ImGui::PopFont();
+}
+
+void Viewer::ImagePanel(const ImVec2& min, const ImVec2& max)
+{
+  ImGui::SetNextWindowPos(min);
+  ImGui::SetNextWindowSize(ImVec2(max.x - min.x, max.y - min.y));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(6), this->S(5)));
+  ImGui::Begin("##image", nullptr,
+    ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
+      ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoScrollWithMouse);
+  this->ImageToolbar();
+  const float y = ImGui::GetCursorScreenPos().y;
+  const float foot = ImGui::GetTextLineHeight() + this->S(6);
+  this->DrawImage(ImVec2(min.x, y), ImVec2(max.x, max.y - foot));
+  // One line on the pixel below the mouse.
+  ImGui::SetCursorScreenPos(ImVec2(min.x + this->S(8), max.y - foot + this->S(3)));
+  ImGui::PushFont(this->Win.Small());
+  char zoom[32];
+  std::snprintf(zoom, sizeof zoom, "%.0f %%", 100 * this->Zoom);
+  ImGui::TextColored(Colors::Dim, "%s", zoom);
+  const Picture shown = this->PictureOf(this->A);
+  const ImageIn v = shown ? ArrayView(shown.Image, shown.Array) : ImageIn();
+  if (v && this->PixelValid && this->PixelX < v.extent.width() && this->PixelY < v.extent.height())
+  {
+    const int x = v.extent.x0 + this->PixelX, fromBottom = v.extent.y1 - 1 - this->PixelY;
+    ImGui::SameLine(this->S(72));
+    ImGui::TextColored(this->PixelPinned ? Colors::Accent : Colors::Dim, "x %d  y %d", this->PixelX, this->PixelY);
+    ImGui::SameLine(this->S(190));
+    std::string text;
+    for (int c = 0; c < v.components; ++c)
+    {
+      text += (c ? "   " : "") + ValueText(v.at(x, fromBottom)[c]);
+    }
+    ImGui::PopFont();
+    ImGui::PushFont(this->Win.Mono());
+    ImGui::TextColored(Colors::Text, "%s", text.c_str());
+  }
+  ImGui::PopFont();
+  ImGui::End();
+  ImGui::PopStyleVar();
+}
+
+void Viewer::Inspector()
+{
+  const Picture shown = this->PictureOf(this->A);
+  if (!shown)
+  {
+    ImGui::TextColored(Colors::Dim, "No picture to look into.");
+    this->WantAllArrays = false;
+    return;
+  }
+  this->WantAllArrays = true;
+  const ImageIn v = ArrayView(shown.Image, shown.Array);
+  if (!this->PixelValid || !v || this->PixelX >= v.extent.width() || this->PixelY >= v.extent.height())
+  {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Dim, "Point at a pixel of the picture; a click keeps it here.");
+    ImGui::PopTextWrapPos();
+    return;
+  }
+  const int x = v.extent.x0 + this->PixelX, y = v.extent.y1 - 1 - this->PixelY;
+  Heading(this->Win, this->PixelPinned ? "Pinned pixel" : "Pixel");
+  ImGui::SameLine();
+  ImGui::TextColored(Colors::Dim, "x %d, y %d from the top left", this->PixelX, this->PixelY);
+  // The neighbourhood, enlarged.
+  const int radius = 4;
+  const float cell = std::floor(std::min(this->S(20), (ImGui::GetContentRegionAvail().x - this->S(4)) / (2 * radius + 1)));
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  ImDrawList* list = ImGui::GetWindowDrawList();
+  if (this->Presented && this->Presented->A.Width == v.extent.width())
+  {
+    const DisplayImage& d = this->Presented->A;
+    for (int j = -radius; j <= radius; ++j)
+    {
+      for (int i = -radius; i <= radius; ++i)
+      {
+        const int px = this->PixelX + i, py = this->PixelY + j;
+        const ImVec2 q(at.x + float(i + radius) * cell, at.y + float(j + radius) * cell);
+        if (px < 0 || py < 0 || px >= d.Width || py >= d.Height)
+        {
+          continue;
+        }
+        const std::uint8_t* c = &d.Rgba[std::size_t(4 * (py * d.Width + px))];
+        list->AddRectFilled(q, ImVec2(q.x + cell - 1, q.y + cell - 1), IM_COL32(c[0], c[1], c[2], 255));
+      }
+    }
+    const ImVec2 q(at.x + float(radius) * cell, at.y + float(radius) * cell);
+    list->AddRect(ImVec2(q.x - 1, q.y - 1), ImVec2(q.x + cell, q.y + cell), ImGui::GetColorU32(Colors::Accent), 0, 0, this->S(1.5));
+    ImGui::Dummy(ImVec2(cell * (2 * radius + 1), cell * (2 * radius + 1) + this->S(6)));
+  }
+  if (ImGui::BeginTable("values", 2, ImGuiTableFlags_RowBg | ImGuiTableFlags_SizingFixedFit))
+  {
+    ImGui::TableSetupColumn("array");
+    ImGui::TableSetupColumn("values", ImGuiTableColumnFlags_WidthStretch);
+    for (const std::string& name : ArraysOf(shown.Image))
+    {
+      const ImageIn a = ArrayView(shown.Image, name);
+      if (!a)
+      {
+        continue;
+      }
+      ImGui::TableNextRow();
+      ImGui::TableNextColumn();
+      ImGui::PushFont(this->Win.Small());
+      ImGui::TextColored(name == shown.Array ? Colors::Accent : Colors::Dim, "%s", name.c_str());
+      const ArrayType* type = FindArray(name);
+      this->Tooltip(type ? type->Doc : "");
+      ImGui::PopFont();
+      ImGui::TableNextColumn();
+      ImGui::PushFont(this->Win.Mono());
+      std::string text;
+      bool finite = true;
+      for (int c = 0; c < a.components; ++c)
+      {
+        const float f = a.at(x, y)[c];
+        finite = finite && (std::isfinite(f) || InfinityIsValue(KindOf(name, a.components), name));
+        text += (c ? "  " : "") + ValueText(f);
+      }
+      ImGui::TextColored(finite ? Colors::Text : Colors::Error, "%s", text.c_str());
+      ImGui::PopFont();
+    }
+    ImGui::EndTable();
+  }
+}
+
+void Viewer::HistogramPlot()
+{
+  if (!this->Presented || this->Presented->Bars.Channels == 0)
+  {
+    ImGui::TextColored(Colors::Dim, "no values");
+    return;
+  }
+  const Histogram& h = this->Presented->Bars;
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  const ImVec2 size(ImGui::GetContentRegionAvail().x, this->S(110));
+  ImDrawList* list = ImGui::GetWindowDrawList();
+  list->AddRectFilled(at, ImVec2(at.x + size.x, at.y + size.y), IM_COL32(22, 23, 26, 255), this->S(3));
+  double most = 1;
+  for (int c = 0; c < h.Channels; ++c)
+  {
+    for (int n : h.Counts[std::size_t(c)])
+    {
+      most = std::max(most, std::log1p(double(n)));
+    }
+  }
+  const ImU32 colours[3] = { h.Channels == 1 ? IM_COL32(210, 212, 216, 170) : IM_COL32(240, 90, 90, 130),
+    IM_COL32(100, 220, 110, 120), IM_COL32(100, 140, 250, 130) };
+  for (int c = 0; c < h.Channels; ++c)
+  {
+    for (int i = 0; i < Histogram::Bins; ++i)
+    {
+      const float height =
+        float(std::log1p(double(h.Counts[std::size_t(c)][std::size_t(i)])) / most) * (size.y - this->S(6));
+      if (height > 0)
+      {
+        const float x0 = at.x + size.x * float(i) / Histogram::Bins, x1 = at.x + size.x * float(i + 1) / Histogram::Bins;
+        list->AddRectFilled(ImVec2(x0, at.y + size.y - height), ImVec2(x1, at.y + size.y), colours[c]);
+      }
+    }
+  }
+  ImGui::Dummy(size);
+  this->Mark("histogram");
+  ImGui::PushFont(this->Win.Small());
+  ImGui::TextColored(Colors::Dim, "%s", Figure(h.Low).c_str());
+  const std::string high = Figure(h.High);
+  ImGui::SameLine(ImGui::GetContentRegionAvail().x - ImGui::CalcTextSize(high.c_str()).x + ImGui::GetCursorPosX() - this->S(4));
+  ImGui::TextColored(Colors::Dim, "%s", high.c_str());
+  for (int c = 0; c < h.Channels; ++c)
+  {
+    ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(colours[c] | IM_COL32(0, 0, 0, 255)), "mean %-9s min %-9s max %s",
+      Figure(h.Mean[std::size_t(c)]).c_str(), Figure(h.Minimum[std::size_t(c)]).c_str(),
+      Figure(h.Maximum[std::size_t(c)]).c_str());
+  }
+  if (h.NonFinite > 0)
+  {
+    ImGui::TextColored(Colors::Warning, "%lld pixels are not finite", static_cast<long long>(h.NonFinite));
+  }
+  ImGui::PopFont();
+}
+
+void Viewer::ComparePanel()
+{
+  Heading(this->Win, "Histogram");
+  ImGui::SameLine();
+  ImGui::TextColored(Colors::Dim, "counts on a log scale");
+  this->HistogramPlot();
+  ImGui::Dummy(ImVec2(0, this->S(8)));
+  Heading(this->Win, "Error against a reference");
+  ImGui::PushTextWrapPos(0);
+  if (!this->Reference)
+  {
+    ImGui::TextColored(Colors::Dim, "A converged picture of the same frame turns every change into a number.");
+  }
+  else
+  {
+    ImGui::TextColored(Colors::Dim, "%s", ShortPath(this->ReferenceFile).c_str());
+    this->Tooltip(this->ReferenceFile);
+  }
+  ImGui::PopTextWrapPos();
+  if (this->Button(this->Reference ? "Another reference\u2026" : "Choose a reference\u2026", "compare/reference"))
+  {
+    this->OpenFileDialog("reference", "Compare with", ".exr .hdr .png .jpg .pfm");
+  }
+  if (!this->ReferenceError.empty())
+  {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Error, "%s", this->ReferenceError.c_str());
+    ImGui::PopTextWrapPos();
+  }
+  if (this->Reference && this->Presented)
+  {
+    if (!this->Presented->ErrorsText.empty())
+    {
+      ImGui::PushTextWrapPos(0);
+      ImGui::TextColored(Colors::Warning, "%s", this->Presented->ErrorsText.c_str());
+      ImGui::PopTextWrapPos();
+    }
+    if (!this->Presented->Errors.empty() && ImGui::BeginTable("errors", 2, ImGuiTableFlags_RowBg))
+    {
+      for (const auto& e : this->Presented->Errors)
+      {
+        ImGui::TableNextRow();
+        ImGui::TableNextColumn();
+        ImGui::TextColored(Colors::Dim, "%s", e.first.c_str());
+        ImGui::TableNextColumn();
+        ImGui::PushFont(this->Win.Mono());
+        ImGui::TextUnformatted(Figure(e.second).c_str());
+        ImGui::PopFont();
+      }
+      ImGui::EndTable();
+    }
+  }
+}
+}

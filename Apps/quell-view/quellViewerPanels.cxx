@@ -1,0 +1,1043 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The right side: properties, pixel, comparison, the trade-off, the pipeline as a whole, and the list of mistakes.
+#include "quellUi.h"
+#include "quellViewer.h"
+#include "vtkImageData.h"
+
+#include <imgui_internal.h>
+#include <imgui_stdlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace quell
+{
+namespace
+{
+bool IsVariable(const std::string& text)
+{
+  return text.find("$(") != std::string::npos;
+}
+
+/// Where a slider's ends are: a parameter's range may be far wider than what anybody uses.
+void SliderRange(const Property& p, double now, double& low, double& high)
+{
+  low = p.Minimum;
+  high = p.Maximum;
+  if (high - low <= 1000 && std::isfinite(high - low))
+  {
+    return;
+  }
+  double middle = 0;
+  std::string error;
+  detail::ParseDouble(p.DefaultText, -1e308, 1e308, middle, error);
+  const double reach = std::max({ 4 * std::fabs(middle), 2 * std::fabs(now), p.Kind == Property::Type::Int ? 16. : 1. });
+  low = std::max(p.Minimum, p.Minimum >= 0 ? p.Minimum : -reach);
+  high = std::min(p.Maximum, reach);
+}
+}
+
+std::string Viewer::NodePathOf(const std::string& box) const
+{
+  // A template's nodes are shown as one of its instances runs them.
+  if (this->Scope.empty())
+  {
+    return box;
+  }
+  for (const PipelineNode& n : this->Doc.Nodes(""))
+  {
+    if (n.IsInstance && n.Type.Value == this->Scope)
+    {
+      return n.Id.Value + "/" + box;
+    }
+  }
+  return {};
+}
+
+void Viewer::PropertyRow(
+  const std::string& scope, const std::string& box, const Property& row, const std::string& nowText)
+{
+  const PipelineText* written = this->Doc.FindProperty(scope, box, row.Name);
+  const std::string mark = "property/" + row.Name;
+  ImGui::PushID(row.Name.c_str());
+  ImGui::TableNextRow();
+  ImGui::TableNextColumn();
+  ImGui::AlignTextToFramePadding();
+  ImGui::PushFont(this->Win.Small());
+  const float labelWidth = ImGui::GetContentRegionAvail().x;
+  ImGui::TextColored(written ? Colors::Text : Colors::Dim, "%s", Fitted(row.Name, labelWidth).c_str());
+  ImGui::PopFont();
+  std::string range = RangeOf(row);
+  this->Tooltip(row.Name + (row.Unit.empty() ? "" : "  [" + row.Unit + "]") + "\n" + row.Doc + "\n" +
+                (range.empty() ? "" : "range " + range + ", ") + "default " +
+                (row.DefaultText.empty() ? "empty" : row.DefaultText));
+  ImGui::TableNextColumn();
+  const float reset = ImGui::GetFrameHeight() + this->S(2);
+  const bool editable = this->Doc.IsEditable(scope);
+  const auto set = [&](const std::string& text, bool merge)
+  {
+    std::string error;
+    const vtkSmartPointer<vtkQuellStage> probe = this->Registry.Create(
+      this->Doc.FindNode(scope, box) ? this->Doc.FindNode(scope, box)->Type.Value : std::string());
+    if (!IsVariable(text) && probe && !row.SetText(probe, text, error))
+    {
+      this->PropertyError = error;
+      this->PropertyErrorOf = box + "." + row.Name;
+      return;
+    }
+    this->PropertyErrorOf.clear();
+    this->HurryNext = !merge;
+    if (!merge && !written && text == row.DefaultText)
+    {
+      return;
+    }
+    this->Doc.SetProperty(scope, box, row.Name, text, merge);
+  };
+  ImGui::BeginDisabled(!editable);
+  const std::string shown = written ? written->Value : row.DefaultText;
+  ImGui::SetNextItemWidth(-reset);
+  const bool variable = written && IsVariable(written->Value);
+  const std::string key = scope + "/" + box + "." + row.Name;
+  const auto text = [&](const char* hint)
+  {
+    // What is being typed is its own until Enter or another place takes the focus.
+    std::string& edit = this->EditTexts[key];
+    const ImGuiID id = ImGui::GetID("##text");
+    if (ImGui::GetActiveID() != id)
+    {
+      edit = shown;
+    }
+    ImGui::InputTextWithHint("##text", hint, &edit);
+    if (ImGui::IsItemDeactivatedAfterEdit() && edit != shown)
+    {
+      set(edit, false);
+    }
+  };
+  double v = 0;
+  std::string error;
+  if (variable)
+  {
+    text("");
+    this->Mark(mark);
+    this->Tooltip("= " + nowText + "\na variable of the pipeline gives this value; it can be changed under Pipeline");
+  }
+  else if (row.Kind == Property::Type::Bool)
+  {
+    bool on = shown == "true" || shown == "1" || shown == "on" || shown == "yes";
+    if (ImGui::Checkbox("##bool", &on))
+    {
+      set(on ? "true" : "false", false);
+    }
+    this->Mark(mark);
+  }
+  else if (row.Kind == Property::Type::Enum)
+  {
+    if (ImGui::BeginCombo("##enum", shown.c_str()))
+    {
+      for (const std::string& e : row.Enumerators)
+      {
+        if (ImGui::Selectable(e.c_str(), e == shown))
+        {
+          set(e, false);
+        }
+        this->Mark(mark + "/" + e);
+      }
+      ImGui::EndCombo();
+    }
+    this->Mark(mark);
+  }
+  else if ((row.Kind == Property::Type::Int || row.Kind == Property::Type::Double) &&
+           detail::ParseDouble(shown, -1e308, 1e308, v, error))
+  {
+    double low = 0, high = 1;
+    SliderRange(row, v, low, high);
+    if (row.Kind == Property::Type::Int)
+    {
+      const double limit = 1e9;
+      int i = int(std::min(limit, std::max(-limit, v)));
+      if (ImGui::SliderInt("##int", &i, int(std::max(-limit, low)), int(std::min(limit, high)), "%d"))
+      {
+        set(std::to_string(i), true);
+      }
+    }
+    else
+    {
+      double d = v;
+      const bool wide = low >= 0 && high > 20 * std::max(1e-6, std::fabs(v));
+      if (ImGui::SliderScalar("##double", ImGuiDataType_Double, &d, &low, &high, std::fabs(d) >= 1e5 ? "%.3g" : "%.4g",
+            wide ? ImGuiSliderFlags_Logarithmic : ImGuiSliderFlags_None))
+      {
+        char rounded[48];
+        std::snprintf(rounded, sizeof rounded, "%.4g", d);
+        set(rounded, true);
+      }
+    }
+    this->Mark(mark);
+    this->Tooltip("drag, or Ctrl+click to type" + (range.empty() ? std::string() : "; range " + range));
+  }
+  else if (row.Kind == Property::Type::Path)
+  {
+    ImGui::SetNextItemWidth(-reset - this->S(30));
+    text("no file");
+    this->Mark(mark);
+    this->Tooltip(shown.empty() ? row.Doc : shown);
+    ImGui::SameLine(0, this->S(3));
+    if (ImGui::Button("\u2026", ImVec2(this->S(26), 0)))
+    {
+      this->OpenFileDialog("property:" + box + "." + row.Name, row.Doc,
+        row.Name == "Scene" ? ".gltf .glb .obj"
+        : row.Name == "Config" ? ".ocio"
+                               : ".exr .hdr .png .jpg .pfm .pgm .ppm");
+    }
+    this->Mark(mark + "/choose");
+  }
+  else
+  {
+    text("");
+    this->Mark(mark);
+  }
+  if (written)
+  {
+    ImGui::SameLine(0, this->S(3));
+    if (ImGui::Button("\u21ba", ImVec2(ImGui::GetFrameHeight(), 0)))
+    {
+      this->Doc.ResetProperty(scope, box, row.Name);
+    }
+    this->Mark(mark + "/reset");
+    this->Tooltip("Back to the default, " + (row.DefaultText.empty() ? "empty" : row.DefaultText));
+  }
+  ImGui::EndDisabled();
+  if (this->PropertyErrorOf == box + "." + row.Name)
+  {
+    ImGui::PushFont(this->Win.Small());
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Error, "%s", this->PropertyError.c_str());
+    ImGui::PopTextWrapPos();
+    ImGui::PopFont();
+  }
+  ImGui::PopID();
+}
+
+std::string RangeOf(const Property& p)
+{
+  if (p.Kind == Property::Type::Enum || p.Kind == Property::Type::Bool || p.Kind == Property::Type::String ||
+      p.Kind == Property::Type::Path)
+  {
+    return {};
+  }
+  if (!(p.Maximum > p.Minimum) || p.Maximum >= 1e300)
+  {
+    return p.Minimum > -1e300 ? detail::FormatDouble(p.Minimum) + " or more" : std::string();
+  }
+  return "[" + detail::FormatDouble(p.Minimum) + ", " + detail::FormatDouble(p.Maximum) + "]";
+}
+
+void Viewer::PropertiesTab()
+{
+  std::string box = this->Selected.size() == 1 ? *this->Selected.begin() : std::string();
+  if (box.empty() && this->Selected.empty() && this->Scope.empty())
+  {
+    box = TopOf(this->A.Node);
+  }
+  const int index = this->Model.Find(box);
+  if (index < 0)
+  {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Dim, "%s",
+      this->Selected.size() > 1 ? (std::to_string(this->Selected.size()) + " nodes are selected; one at a time has "
+                                                                           "properties to change.")
+                                    .c_str()
+                                : "Select a node to see what it does and to change it.");
+    ImGui::PopTextWrapPos();
+    return;
+  }
+  const GraphBox& b = this->Model.Boxes[std::size_t(index)];
+  Heading(this->Win, b.Title.c_str());
+  ImGui::SameLine();
+  ImGui::TextColored(b.Known ? Colors::Dim : Colors::Error, "%s",
+    b.Kind == BoxKind::Output           ? "output"
+    : b.Kind == BoxKind::TemplateInputs ? "the template's inputs"
+    : b.Kind == BoxKind::TemplateOutput ? "the template's output"
+    : b.Known                           ? b.Type.c_str()
+                                        : (b.Type + ": no such type").c_str());
+  ImGui::PushFont(this->Win.Small());
+  ImGui::PushTextWrapPos(0);
+  const std::string doc = !b.Doc.empty() ? b.Doc : b.Description ? b.Description->Brief : std::string();
+  if (!doc.empty())
+  {
+    ImGui::TextColored(Colors::Dim, "%s", doc.c_str());
+    if (b.Description)
+    {
+      this->Tooltip(b.Description->Details);
+    }
+  }
+  ImGui::PopTextWrapPos();
+  ImGui::PopFont();
+  // What is wrong with it, in place.
+  if (this->Checked)
+  {
+    for (const Diagnostic& d : this->Checked->Messages)
+    {
+      if (!d.Node.empty() && (d.Node == box || TopOf(d.Node) == box) && this->Scope.empty())
+      {
+        ImGui::PushTextWrapPos(0);
+        ImGui::TextColored(d.Level == Severity::Error ? Colors::Error : Colors::Warning, "%s%s%s", d.What.c_str(),
+          d.Hint.empty() ? "" : "\n", d.Hint.c_str());
+        ImGui::PopTextWrapPos();
+      }
+    }
+  }
+  ImGui::Dummy(ImVec2(0, this->S(3)));
+  const auto table = [&](const char* id)
+  {
+    const bool open = ImGui::BeginTable(id, 2, ImGuiTableFlags_SizingStretchProp);
+    if (open)
+    {
+      ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthStretch, 0.42f);
+      ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch, 0.58f);
+    }
+    return open;
+  };
+  const auto textRow = [&](const char* name, const std::string& key, const std::string& now, const char* hint,
+                         const char* help, const std::function<void(const std::string&)>& set)
+  {
+    ImGui::TableNextRow();
+    ImGui::TableNextColumn();
+    ImGui::AlignTextToFramePadding();
+    ImGui::PushFont(this->Win.Small());
+    ImGui::TextColored(now.empty() ? Colors::Dim : Colors::Text, "%s", name);
+    ImGui::PopFont();
+    this->Tooltip(help);
+    ImGui::TableNextColumn();
+    ImGui::PushID(name);
+    ImGui::SetNextItemWidth(-1);
+    std::string& edit = this->EditTexts[key];
+    if (ImGui::GetActiveID() != ImGui::GetID("##t"))
+    {
+      edit = now;
+    }
+    ImGui::InputTextWithHint("##t", hint, &edit);
+    if (ImGui::IsItemDeactivatedAfterEdit() && edit != now)
+    {
+      set(edit);
+    }
+    this->Mark("property/" + std::string(name));
+    ImGui::PopID();
+  };
+  if (b.Kind == BoxKind::Output)
+  {
+    for (const PipelineOutput& o : this->Doc.Get()->Outputs)
+    {
+      if ("output:" + o.Name.Value != box)
+      {
+        continue;
+      }
+      const std::string name = o.Name.Value;
+      if (table("output"))
+      {
+        textRow("name", box + ".name", name, "", "what the command line calls it", [&](const std::string& v)
+          {
+            std::string error;
+            if (this->Doc.Rename("", box, v, error))
+            {
+              this->Selected = { "output:" + v };
+            }
+            else
+            {
+              this->Tell(error, true);
+            }
+          });
+        textRow("file", box + ".file", o.File.Value, "none: only a name",
+          "what is written; #### becomes the frame's number, without it only the last frame is written",
+          [&](const std::string& v) { this->Doc.SetOutput(name, "file", v); });
+        textRow("view", box + ".view", o.View.Value, "none: linear values",
+          "OpenColorIO view that the picture goes through, for PNG and JPEG",
+          [&](const std::string& v) { this->Doc.SetOutput(name, "view", v); });
+        ImGui::EndTable();
+      }
+      return;
+    }
+    return;
+  }
+  if (const PipelineNode* node = this->Doc.FindNode(this->Scope, box))
+  {
+    if (table("node"))
+    {
+      textRow("name", box + ".name", box, "", "how links and the command line call this node", [&](const std::string& v)
+        {
+          std::string error;
+          if (this->Doc.Rename(this->Scope, box, v, error))
+          {
+            if (this->A.Node == box)
+            {
+              this->A.Node = v;
+            }
+            this->Selected = { v };
+          }
+          else
+          {
+            this->Tell(error, true);
+          }
+        });
+      ImGui::EndTable();
+    }
+    ImGui::Separator();
+    if (node->IsInstance)
+    {
+      const PipelineTemplate* t = this->Doc.FindTemplate(node->Type.Value);
+      if (t && table("parameters"))
+      {
+        for (const PipelineVariable& v : t->Parameters)
+        {
+          Property row;
+          row.Name = v.Name.Value;
+          row.Doc = v.Doc.Value;
+          row.DefaultText = v.Default.Value;
+          row.Kind = v.Type.Value == "bool" ? Property::Type::Bool : v.Type.Value == "path" ? Property::Type::Path
+                     : v.Type.Value == "int"    ? Property::Type::Int
+                     : v.Type.Value == "double" ? Property::Type::Double
+                                                : Property::Type::String;
+          row.Minimum = -1e300;
+          row.Maximum = 1e300;
+          if (row.Kind == Property::Type::Int || row.Kind == Property::Type::Double)
+          {
+            double d = 0;
+            std::string error;
+            detail::ParseDouble(row.DefaultText, -1e300, 1e300, d, error);
+            row.Minimum = d >= 0 ? 0 : -1e300;
+          }
+          this->PropertyRow(this->Scope, box, row, "");
+        }
+        ImGui::EndTable();
+      }
+      if (this->Button("Open the template", "template/open"))
+      {
+        this->EnterScope(node->Type.Value);
+      }
+    }
+    else if (b.Description && table("properties"))
+    {
+      const std::vector<std::string> names = [&]
+      {
+        std::vector<std::string> n;
+        for (const PipelineProperty& p : node->Properties)
+        {
+          n.push_back(p.Name.Value);
+        }
+        return n;
+      }();
+      for (const Property& row : b.Description->Properties)
+      {
+        std::string now;
+        if (this->LastGood && this->LastGood->Pipeline)
+        {
+          const int g = this->LastGood->Pipeline->Find(this->NodePathOf(box));
+          if (g >= 0)
+          {
+            for (const GraphProperty& p : this->LastGood->Pipeline->Nodes[std::size_t(g)].Properties)
+            {
+              now = p.Name == row.Name ? p.Text : now;
+            }
+          }
+        }
+        this->PropertyRow(this->Scope, box, row, now);
+      }
+      ImGui::EndTable();
+      if (b.Description->Properties.empty())
+      {
+        ImGui::TextColored(Colors::Dim, "It has nothing to set.");
+      }
+    }
+    // Its links.
+    if (!node->Inputs.empty() || !b.Inputs.empty())
+    {
+      ImGui::Dummy(ImVec2(0, this->S(4)));
+      ImGui::PushFont(this->Win.Small());
+      if (ImGui::CollapsingHeader("Inputs"))
+      {
+        for (const GraphPin& pin : b.Inputs)
+        {
+          bool any = false;
+          for (std::size_t i = 0; i < node->Inputs.size(); ++i)
+          {
+            const PipelineInput& input = node->Inputs[i];
+            if (input.Port.Value != pin.Name)
+            {
+              continue;
+            }
+            any = true;
+            ImGui::PushID(int(i));
+            ImGui::Text("%s", pin.Name.c_str());
+            this->Tooltip(pin.Doc);
+            ImGui::SameLine(this->S(110));
+            ImGui::TextColored(Colors::Dim, "%s%s", input.From.Value.c_str(), input.Delay.Given ? "  (previous frame)" : "");
+            ImGui::SameLine(ImGui::GetWindowWidth() - this->S(44));
+            if (ImGui::SmallButton("\u2715"))
+            {
+              this->Doc.Disconnect(this->Scope, box, int(i));
+              ImGui::PopID();
+              break;
+            }
+            ImGui::PopID();
+          }
+          if (!any)
+          {
+            ImGui::TextColored(pin.Optional ? Colors::Dim : Colors::Warning, "%s", pin.Name.c_str());
+            this->Tooltip(pin.Doc);
+            ImGui::SameLine(this->S(110));
+            ImGui::TextColored(pin.Optional ? Colors::Dim : Colors::Warning, "%s", pin.Optional ? "not connected" : "has to be connected");
+          }
+        }
+      }
+      ImGui::PopFont();
+    }
+  }
+}
+
+void Viewer::PipelineTab()
+{
+  const PipelineDocument& d = *this->Doc.Get();
+  Heading(this->Win, "Pipeline");
+  {
+    std::string& edit = this->EditTexts["pipeline doc"];
+    if (ImGui::GetActiveID() != ImGui::GetID("##doc"))
+    {
+      edit = d.Doc.Value;
+    }
+    ImGui::InputTextMultiline("##doc", &edit, ImVec2(-1, this->S(58)));
+    if (ImGui::IsItemDeactivatedAfterEdit())
+    {
+      this->Doc.SetPipelineDoc(edit);
+    }
+    this->Tooltip("What the pipeline is for");
+  }
+  ImGui::Dummy(ImVec2(0, this->S(6)));
+  Heading(this->Win, "Variables");
+  ImGui::SameLine();
+  ImGui::TextColored(Colors::Dim, "-D name=value on the command line");
+  if (d.Variables.empty())
+  {
+    ImGui::TextColored(Colors::Dim, "None. $(name) in any value stands for a variable.");
+  }
+  if (ImGui::BeginTable("variables", 3, ImGuiTableFlags_SizingStretchProp))
+  {
+    ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthStretch, 0.34f);
+    ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch, 0.58f);
+    ImGui::TableSetupColumn("delete", ImGuiTableColumnFlags_WidthFixed, this->S(22));
+    for (const PipelineVariable& v : std::vector<PipelineVariable>(d.Variables))
+    {
+      const std::string name = v.Name.Value;
+      ImGui::PushID(name.c_str());
+      ImGui::TableNextRow();
+      ImGui::TableNextColumn();
+      ImGui::AlignTextToFramePadding();
+      ImGui::PushFont(this->Win.Small());
+      ImGui::TextUnformatted(name.c_str());
+      ImGui::PopFont();
+      this->Tooltip(v.Doc.Value + (v.Doc.Value.empty() ? "" : "\n") + v.Type.Value);
+      ImGui::TableNextColumn();
+      long long i = 0;
+      std::string error;
+      if (v.Type.Value == "int" && detail::ParseInt(v.Default.Value, -1000000000, 1000000000, i, error))
+      {
+        ImGui::SetNextItemWidth(-1);
+        int n = int(i);
+        if (ImGui::InputInt("##v", &n, 1, 10))
+        {
+          this->HurryNext = false;
+          this->Doc.SetVariable(name, std::to_string(n), true);
+        }
+      }
+      else
+      {
+        const bool path = v.Type.Value == "path";
+        ImGui::SetNextItemWidth(path ? -this->S(30) : -1);
+        std::string& edit = this->EditTexts["variable " + name];
+        if (ImGui::GetActiveID() != ImGui::GetID("##t"))
+        {
+          edit = v.Default.Value;
+        }
+        ImGui::InputText("##t", &edit);
+        if (ImGui::IsItemDeactivatedAfterEdit() && edit != v.Default.Value)
+        {
+          this->Doc.SetVariable(name, edit);
+        }
+        if (path)
+        {
+          ImGui::SameLine(0, this->S(3));
+          if (ImGui::Button("\u2026", ImVec2(this->S(26), 0)))
+          {
+            this->OpenFileDialog("variable:" + name, name, ".gltf .glb .obj .exr .hdr .png .jpg .pfm");
+          }
+        }
+      }
+      this->Mark("variable/" + name);
+      ImGui::TableNextColumn();
+      if (ImGui::SmallButton("\u2715"))
+      {
+        this->Doc.RemoveVariable(name);
+      }
+      this->Tooltip("Delete the variable");
+      ImGui::PopID();
+    }
+    ImGui::EndTable();
+  }
+  ImGui::SetNextItemWidth(this->S(130));
+  ImGui::InputTextWithHint("##newvariable", "new variable", &this->NewVariableName);
+  this->Mark("variable/new");
+  ImGui::SameLine();
+  if (this->Button("Add", "variable/add", nullptr, !this->NewVariableName.empty()))
+  {
+    std::string error;
+    if (this->Doc.AddVariable(this->NewVariableName, "string", "", error))
+    {
+      this->NewVariableName.clear();
+    }
+    else
+    {
+      this->Tell(error, true);
+    }
+  }
+  ImGui::Dummy(ImVec2(0, this->S(6)));
+  Heading(this->Win, "Time");
+  const auto timeText = [&](const char* name, const PipelineText& now, const char* fallback, int which)
+  {
+    ImGui::AlignTextToFramePadding();
+    ImGui::PushFont(this->Win.Small());
+    ImGui::TextColored(now.Given ? Colors::Text : Colors::Dim, "%s", name);
+    ImGui::PopFont();
+    ImGui::SameLine(this->S(90));
+    ImGui::SetNextItemWidth(this->S(120));
+    std::string& edit = this->EditTexts[std::string("time ") + name];
+    ImGui::PushID(name);
+    if (ImGui::GetActiveID() != ImGui::GetID("##t"))
+    {
+      edit = now.Value;
+    }
+    ImGui::InputTextWithHint("##t", fallback, &edit);
+    if (ImGui::IsItemDeactivatedAfterEdit() && edit != now.Value)
+    {
+      const PipelineTime& t = this->Doc.Get()->Time;
+      this->Doc.SetTime(
+        which == 0 ? edit : t.First.Value, which == 1 ? edit : t.Count.Value, which == 2 ? edit : t.Rate.Value);
+    }
+    this->Mark(std::string("time/") + name);
+    ImGui::PopID();
+  };
+  timeText("first", d.Time.First, "0", 0);
+  timeText("count", d.Time.Count, "1", 1);
+  timeText("rate", d.Time.Rate, "24", 2);
+  ImGui::Dummy(ImVec2(0, this->S(6)));
+  Heading(this->Win, "Outputs");
+  for (const PipelineOutput& o : d.Outputs)
+  {
+    if (ImGui::Selectable(("##o" + o.Name.Value).c_str(), this->Selected.count("output:" + o.Name.Value) != 0))
+    {
+      this->EnterScope("");
+      this->Selected = { "output:" + o.Name.Value };
+      this->WantedTab = "Properties";
+    }
+    ImGui::SameLine(0, 0);
+    ImGui::TextUnformatted(o.Name.Value.c_str());
+    ImGui::SameLine(this->S(90));
+    ImGui::TextColored(Colors::Dim, "%s", o.File.Value.c_str());
+  }
+  if (this->Button("Add an output", "output/add"))
+  {
+    const std::string from = this->A.Node.empty() ? std::string() : this->A.Node + (this->A.Array.empty() ? "" : ":" + this->A.Array);
+    this->EnterScope("");
+    const ImVec2 at = this->ToGraph(ImVec2(this->GraphMax.x - this->S(220), (this->GraphMin.y + this->GraphMax.y) / 2));
+    this->Selected = { this->Doc.AddOutput(from, double(at.x), double(at.y)) };
+  }
+}
+
+void Viewer::AddTradePoint()
+{
+  const std::shared_ptr<const Presentation> p = this->Presented;
+  if (!this->CollectPoints || !p || !p->Complete || !this->LastGood || this->PointOf == this->LastGood->Number ||
+      !this->LastGood->Final || this->Camera || this->Refine || this->LastGood->Pruned || this->Playing ||
+      !(p->Wish.A == this->PictureOf(this->A)))
+  {
+    return;
+  }
+  for (const auto& e : p->Errors)
+  {
+    if (e.first != this->Points.Metric)
+    {
+      continue;
+    }
+    TradePoint point;
+    point.Document = this->LastGood->Document;
+    point.Error = e.second;
+    point.Milliseconds = FrameMilliseconds(*this->LastGood);
+    point.Tick = this->LastGood->Tick;
+    point.Target = this->A;
+    const std::vector<TradePoint>& all = this->Points.All();
+    point.Label = all.empty() ? "as opened" : ChangeText(*all.front().Document, *point.Document);
+    // Only frames that were made whole say what a state costs; where the path tracer was not asked again its time is
+    // that of the frame before.
+    for (const ViewFrame::Node& n : this->LastGood->Nodes)
+    {
+      if (n.Counters.Executions == 0)
+      {
+        point.Milliseconds += 1000 * this->Points.KnownSeconds(n.Path);
+      }
+      else
+      {
+        this->Points.Learn(n.Path, n.Counters.Seconds);
+      }
+    }
+    this->Points.Add(point);
+    this->PointOf = this->LastGood->Number;
+  }
+}
+
+void Viewer::TradeTab()
+{
+  Heading(this->Win, "What each node takes");
+  const std::shared_ptr<const ViewFrame> frame = this->LastGood;
+  if (!frame)
+  {
+    ImGui::TextColored(Colors::Dim, "No frame yet.");
+    return;
+  }
+  std::map<std::string, LedgerRow> rows;
+  double baseError = -1, baseMs = 0;
+  if (this->Ledger)
+  {
+    for (const LedgerRow& r : this->Ledger->Rows())
+    {
+      rows[r.Node] = r;
+    }
+    baseError = this->Ledger->BaseError();
+    baseMs = this->Ledger->BaseMilliseconds();
+  }
+  // Inner nodes belong to their instance, for the top level is where nodes are left out.
+  struct Line
+  {
+    std::string Name, Type;
+    double Ms = 0, Bytes = 0;
+    bool Ran = false;
+  };
+  std::vector<Line> lines;
+  double all = 0;
+  for (const ViewFrame::Node& n : frame->Nodes)
+  {
+    const std::string top = TopOf(n.Path);
+    auto at = std::find_if(lines.begin(), lines.end(), [&top](const Line& l) { return l.Name == top; });
+    if (at == lines.end())
+    {
+      lines.push_back({ top, n.Type, 0, 0, false });
+      at = lines.end() - 1;
+    }
+    const double seconds = n.Counters.Executions ? n.Counters.Seconds : this->Points.KnownSeconds(n.Path);
+    at->Ms += 1000 * seconds;
+    at->Bytes += n.Bytes + double(n.Counters.Held);
+    at->Ran = at->Ran || n.Counters.Executions > 0;
+    all += 1000 * seconds;
+  }
+  if (ImGui::BeginTable("ledger", 4, ImGuiTableFlags_RowBg | ImGuiTableFlags_SizingStretchProp))
+  {
+    ImGui::TableSetupColumn("node", ImGuiTableColumnFlags_WidthStretch, 0.34f);
+    ImGui::TableSetupColumn("time", ImGuiTableColumnFlags_WidthStretch, 0.26f);
+    ImGui::TableSetupColumn("memory", ImGuiTableColumnFlags_WidthStretch, 0.2f);
+    ImGui::TableSetupColumn("buys", ImGuiTableColumnFlags_WidthStretch, 0.2f);
+    ImGui::PushFont(this->Win.Small());
+    ImGui::TableHeadersRow();
+    for (const Line& l : lines)
+    {
+      ImGui::TableNextRow();
+      ImGui::TableNextColumn();
+      ImGui::TextColored(l.Ran ? Colors::Text : Colors::Dim, "%s", l.Name.c_str());
+      this->Tooltip(l.Ran ? l.Type : l.Type + "\nkept from the frame before; the time is that of when it ran");
+      ImGui::TableNextColumn();
+      const ImVec2 at = ImGui::GetCursorScreenPos();
+      const float width = ImGui::GetContentRegionAvail().x;
+      ImGui::GetWindowDrawList()->AddRectFilled(at,
+        ImVec2(at.x + width * float(all > 0 && !this->Given.Plain ? l.Ms / all : 0), at.y + ImGui::GetTextLineHeight()),
+        IM_COL32(70, 120, 170, 110), this->S(2));
+      ImGui::TextUnformatted(this->Given.Plain ? "" : Milliseconds(l.Ms).c_str());
+      ImGui::TableNextColumn();
+      ImGui::TextColored(Colors::Dim, "%s", this->Given.Plain ? "" : Bytes(l.Bytes).c_str());
+      ImGui::TableNextColumn();
+      const auto row = rows.find(l.Name);
+      if (row == rows.end())
+      {
+        ImGui::TextColored(Colors::Dim, "\u2013");
+      }
+      else if (!row->second.Done)
+      {
+        ImGui::TextColored(Colors::Dim, "%s", row->second.Note.empty() ? "\u2026" : "?");
+        this->Tooltip(row->second.Note);
+      }
+      else
+      {
+        const double bought = baseError > 0 ? row->second.Error / baseError : 0;
+        ImGui::TextColored(bought > 1.005 ? Colors::Good : bought < 0.995 ? Colors::Error : Colors::Dim, "\u00d7 %s",
+          Figure(bought).c_str());
+        this->Tooltip("Without " + l.Name + " the error (" + this->Points.Metric + ") is " + Figure(row->second.Error) +
+                      " instead of " + Figure(baseError) + ", " + Figure(bought) + " times as large, and the frame takes " +
+                      Milliseconds(row->second.Milliseconds) + " instead of " + Milliseconds(baseMs) + ".");
+      }
+    }
+    ImGui::PopFont();
+    ImGui::EndTable();
+  }
+  const bool running = this->Ledger && !this->Ledger->Finished();
+  if (this->Reference)
+  {
+    if (this->Button(running ? "Stop measuring" : "Measure what each node buys", "trade/ledger",
+          "Runs the frame again without each node in turn, all frames before it included, and compares with the reference"))
+    {
+      if (running)
+      {
+        this->Ledger.reset();
+      }
+      else
+      {
+        this->Ledger.reset(new LedgerRun(this->Doc.Get(), this->Given.Graph, this->Registry, this->A, this->Tick,
+          this->Reference, this->Points.Metric));
+      }
+    }
+    if (running)
+    {
+      ImGui::SameLine();
+      ImGui::TextColored(Colors::Dim, "measuring\u2026");
+    }
+  }
+  ImGui::Dummy(ImVec2(0, this->S(8)));
+  Heading(this->Win, "Speed and accuracy");
+  if (!this->Reference)
+  {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Dim, "With a reference every change becomes a point here: how long a frame takes against "
+                                    "how far it is from the truth. Each can be returned to.");
+    ImGui::PopTextWrapPos();
+    if (this->Button("Choose a reference\u2026", "trade/reference"))
+    {
+      this->OpenFileDialog("reference", "Compare with", ".exr .hdr .png .jpg .pfm");
+    }
+    return;
+  }
+  ImGui::SameLine();
+  ImGui::TextColored(Colors::Dim, "%s", this->Points.Metric.c_str());
+  const std::vector<TradePoint>& points = this->Points.All();
+  if (points.empty())
+  {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Dim, "%s",
+      this->Presented && !this->Presented->ErrorsText.empty() ? this->Presented->ErrorsText.c_str()
+                                                              : "The first point comes with the next whole frame.");
+    ImGui::PopTextWrapPos();
+    return;
+  }
+  double loX = 1e300, hiX = 0, loY = 1e300, hiY = 0;
+  for (const TradePoint& p : points)
+  {
+    loX = std::min(loX, std::max(1e-3, p.Milliseconds));
+    hiX = std::max(hiX, p.Milliseconds);
+    loY = std::min(loY, std::max(1e-12, p.Error));
+    hiY = std::max(hiY, p.Error);
+  }
+  loX /= 1.3;
+  hiX = std::max(hiX * 1.3, loX * 2);
+  loY /= 1.3;
+  hiY = std::max(hiY * 1.3, loY * 2);
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  const ImVec2 size(ImGui::GetContentRegionAvail().x, this->S(170));
+  ImDrawList* list = ImGui::GetWindowDrawList();
+  list->AddRectFilled(at, ImVec2(at.x + size.x, at.y + size.y), IM_COL32(22, 23, 26, 255), this->S(3));
+  const float left = this->S(46), foot = this->S(20);
+  const auto place = [&](double ms, double error)
+  {
+    const double u = std::log(std::max(ms, loX) / loX) / std::log(hiX / loX);
+    const double v = std::log(std::max(error, loY) / loY) / std::log(hiY / loY);
+    return ImVec2(at.x + left + float(u) * (size.x - left - this->S(8)),
+      at.y + size.y - foot - float(v) * (size.y - foot - this->S(8)));
+  };
+  ImGui::PushFont(this->Win.Small());
+  for (int i = 0; i <= 2; ++i)
+  {
+    const double ms = loX * std::pow(hiX / loX, i / 2.), error = loY * std::pow(hiY / loY, i / 2.);
+    const ImVec2 x = place(ms, loY), y = place(loX, error);
+    list->AddLine(ImVec2(x.x, at.y + this->S(4)), ImVec2(x.x, at.y + size.y - foot), IM_COL32(255, 255, 255, 18));
+    list->AddLine(ImVec2(at.x + left, y.y), ImVec2(at.x + size.x - this->S(4), y.y), IM_COL32(255, 255, 255, 18));
+    const std::string tx = this->Given.Plain ? "" : Milliseconds(ms), ty = Figure(error);
+    const float w = ImGui::CalcTextSize(tx.c_str()).x;
+    list->AddText(ImVec2(std::min(at.x + size.x - w - this->S(3), x.x - (i == 0 ? 0 : w / 2)), at.y + size.y - foot + this->S(3)),
+      ImGui::GetColorU32(Colors::Dim), tx.c_str());
+    char shortText[24];
+    std::snprintf(shortText, sizeof shortText, "%.2g", error);
+    list->AddText(ImVec2(at.x + this->S(4), std::max(at.y + this->S(2), y.y - this->S(7))), ImGui::GetColorU32(Colors::Dim), shortText);
+  }
+  ImGui::PopFont();
+  ImGui::InvisibleButton("plot", size);
+  this->Mark("trade/plot");
+  int hovered = -1;
+  float nearest = this->S(9);
+  const ImVec2 mouse = ImGui::GetIO().MousePos;
+  for (std::size_t i = 0; i < points.size(); ++i)
+  {
+    const ImVec2 p = place(points[i].Milliseconds, points[i].Error);
+    this->MarkRect("point/" + std::to_string(i), ImVec2(p.x - 3, p.y - 3), ImVec2(p.x + 3, p.y + 3));
+    const float d = std::hypot(p.x - mouse.x, p.y - mouse.y);
+    if (ImGui::IsItemHovered() && d < nearest)
+    {
+      nearest = d;
+      hovered = int(i);
+    }
+  }
+  for (std::size_t i = 0; i < points.size(); ++i)
+  {
+    const ImVec2 p = place(points[i].Milliseconds, points[i].Error);
+    const bool now = points[i].Document == this->Doc.Get() || *points[i].Document == *this->Doc.Get();
+    list->AddCircleFilled(p, this->S(hovered == int(i) ? 5.5 : 4),
+      ImGui::GetColorU32(points[i].Pareto ? Colors::Good : Colors::Dim));
+    if (now)
+    {
+      list->AddCircle(p, this->S(7.5), ImGui::GetColorU32(Colors::Accent), 20, this->S(2));
+    }
+  }
+  const auto back = [&](int i)
+  {
+    this->Doc.Replace("return to a point", points[std::size_t(i)].Document);
+    this->Tick = points[std::size_t(i)].Tick;
+    this->A = points[std::size_t(i)].Target;
+    this->Tell("as it was: " + points[std::size_t(i)].Label);
+  };
+  if (hovered >= 0)
+  {
+    const TradePoint& p = points[std::size_t(hovered)];
+    ShowTooltip(p.Label + "\n" + Milliseconds(p.Milliseconds) + ", " + this->Points.Metric + " " + Figure(p.Error) +
+                  (p.Pareto ? "\nno point is both faster and better" : "") + "\nclick to return to it",
+      this->S(320));
+    if (ImGui::IsMouseClicked(0))
+    {
+      back(hovered);
+    }
+  }
+  ImGui::PushFont(this->Win.Small());
+  int remove = -1;
+  for (std::size_t i = 0; i < points.size(); ++i)
+  {
+    ImGui::PushID(int(i));
+    const bool now = points[i].Document == this->Doc.Get() || *points[i].Document == *this->Doc.Get();
+    const std::string text = (this->Given.Plain ? std::string() : Milliseconds(points[i].Milliseconds) + "  ") + Figure(points[i].Error);
+    if (ImGui::Selectable("##point", now, 0, ImVec2(ImGui::GetContentRegionAvail().x - this->S(26), 0)))
+    {
+      back(int(i));
+    }
+    this->Mark("points/" + std::to_string(i));
+    this->Tooltip(points[i].Label);
+    ImGui::SameLine(this->S(4) + ImGui::GetStyle().WindowPadding.x);
+    ImGui::TextColored(points[i].Pareto ? Colors::Good : Colors::Dim, "%s", text.c_str());
+    ImGui::SameLine(this->S(140));
+    ImGui::TextUnformatted(Fitted(points[i].Label, ImGui::GetContentRegionAvail().x - this->S(34)).c_str());
+    ImGui::SameLine(ImGui::GetWindowWidth() - this->S(36));
+    if (ImGui::SmallButton("\u2715"))
+    {
+      remove = int(i);
+    }
+    ImGui::PopID();
+  }
+  ImGui::PopFont();
+  if (remove >= 0)
+  {
+    this->Points.Remove(remove);
+  }
+}
+
+void Viewer::RightPanel(const ImVec2& min, const ImVec2& max)
+{
+  ImGui::SetNextWindowPos(min);
+  ImGui::SetNextWindowSize(ImVec2(max.x - min.x, max.y - min.y));
+  ImGui::Begin("##right", nullptr,
+    ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoCollapse |
+      ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoScrollbar);
+  std::string open;
+  if (ImGui::BeginTabBar("tabs", ImGuiTabBarFlags_FittingPolicyResizeDown))
+  {
+    const auto tab = [&](const char* name, void (Viewer::*draw)())
+    {
+      const bool wanted = this->WantedTab == name;
+      const bool shown = ImGui::BeginTabItem(name, nullptr, wanted ? ImGuiTabItemFlags_SetSelected : 0);
+      this->Mark(std::string("tab/") + name);
+      if (shown)
+      {
+        open = name;
+        ImGui::BeginChild("body", ImVec2(0, 0), false);
+        (this->*draw)();
+        ImGui::EndChild();
+        ImGui::EndTabItem();
+      }
+    };
+    tab("Properties", &Viewer::PropertiesTab);
+    tab("Pixel", &Viewer::Inspector);
+    tab("Compare", &Viewer::ComparePanel);
+    tab("Trade", &Viewer::TradeTab);
+    tab("Pipeline", &Viewer::PipelineTab);
+    ImGui::EndTabBar();
+  }
+  if (!open.empty())
+  {
+    if (open == this->WantedTab)
+    {
+      this->WantedTab.clear();
+    }
+    this->RightTab = open;
+  }
+  if (this->RightTab != "Pixel")
+  {
+    this->WantAllArrays = false;
+  }
+  ImGui::End();
+}
+
+void Viewer::MessagesPanel(const ImVec2& min, const ImVec2& max)
+{
+  ImGui::SetNextWindowPos(min);
+  ImGui::SetNextWindowSize(ImVec2(max.x - min.x, max.y - min.y));
+  ImGui::PushStyleColor(ImGuiCol_WindowBg, ImVec4(0.115f, 0.12f, 0.132f, 1));
+  ImGui::Begin("##messages", nullptr,
+    ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
+      ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing);
+  int i = 0;
+  for (const Diagnostic& d : this->Checked->Messages)
+  {
+    ImGui::PushID(i);
+    if (ImGui::Selectable("##m"))
+    {
+      const std::string top = TopOf(d.Node);
+      if (!top.empty())
+      {
+        this->EnterScope("");
+        this->Selected = { top };
+      }
+    }
+    this->Mark("message/" + std::to_string(i));
+    this->Tooltip(d.ToText());
+    ImGui::SameLine(0, 0);
+    ImGui::PushFont(this->Win.Small());
+    ImGui::TextColored(d.Level == Severity::Error ? Colors::Error : Colors::Warning, "%s",
+      d.Level == Severity::Error ? "\u25cf" : "\u25b2");
+    ImGui::SameLine();
+    if (d.Place.Line > 0)
+    {
+      ImGui::TextColored(Colors::Dim, "line %d", d.Place.Line);
+      ImGui::SameLine();
+    }
+    ImGui::TextUnformatted(((d.Where.empty() ? std::string() : d.Where + ": ") + d.What).c_str());
+    if (!d.Hint.empty())
+    {
+      ImGui::SameLine();
+      ImGui::TextColored(Colors::Dim, "%s", d.Hint.c_str());
+    }
+    ImGui::PopFont();
+    ImGui::PopID();
+    ++i;
+  }
+  ImGui::End();
+  ImGui::PopStyleColor();
+}
+}

@@ -1,0 +1,423 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "AllStages.h"
+#include "quellDisplayMapping.h"
+#include "quellImageFile.h"
+#include "quellPipelineExecutor.h"
+#include "quellPipelineReader.h"
+#include "quellRenderSession.h"
+#include "vtkFloatArray.h"
+#include "vtkImageData.h"
+#include "vtkPointData.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <thread>
+
+namespace fs = std::filesystem;
+using namespace quell;
+
+namespace
+{
+std::string Pipeline(const char* name)
+{
+  return std::string(QUELL_SOURCE_DIR) + "/Data/Pipelines/" + name;
+}
+
+std::shared_ptr<PipelineDocument> Read(const char* name)
+{
+  Diagnostics messages;
+  auto document = ReadPipelineFile(Pipeline(name), messages);
+  EXPECT_FALSE(messages.HasErrors()) << messages.ToText();
+  return document;
+}
+
+GraphOptions Small(int frames = 4)
+{
+  GraphOptions o;
+  o.Defines = { { "width", "40" }, { "height", "32" }, { "frames", std::to_string(frames) } };
+  return o;
+}
+
+std::vector<float> Values(vtkImageData* image, const std::string& array)
+{
+  vtkFloatArray* a =
+    image ? vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(array.c_str())) : nullptr;
+  if (!a)
+  {
+    ADD_FAILURE() << "no array " << array;
+    return {};
+  }
+  return std::vector<float>(a->GetPointer(0), a->GetPointer(0) + a->GetNumberOfValues());
+}
+
+bool SameBits(const std::vector<float>& a, const std::vector<float>& b)
+{
+  return a.size() == b.size() && !a.empty() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+}
+
+/// What `quell run` would have after `tick`, all frames from the first.
+std::vector<float> Expected(
+  std::shared_ptr<const PipelineDocument> document, const GraphOptions& options, int tick, const ViewTarget& target)
+{
+  Diagnostics messages;
+  auto graph = BuildGraph(document, Registry(), options, messages);
+  EXPECT_FALSE(messages.HasErrors()) << messages.ToText();
+  PipelineExecutor executor(graph, Registry());
+  executor.SetWriteOutputs(false);
+  executor.Request(target.Node, { target.Array });
+  for (int t = graph->Ticks.First; t <= tick; ++t)
+  {
+    EXPECT_TRUE(executor.RunTick(t).Ok);
+  }
+  return Values(executor.GetImage(target.Node), target.Array);
+}
+
+struct Fixture
+{
+  RenderSession Session{ Registry() };
+  ViewWish Wish;
+  std::shared_ptr<const ViewFrame> Run()
+  {
+    this->Session.Wish(this->Wish);
+    EXPECT_TRUE(this->Session.WaitIdle(60));
+    auto frame = this->Session.Latest();
+    EXPECT_TRUE(frame);
+    return frame;
+  }
+};
+}
+
+TEST(RenderSession, HoldsTheBitsOfARunWithHistory)
+{
+  Fixture f;
+  f.Wish.Document = Read("svgf.xml");
+  f.Wish.Options = Small();
+  f.Wish.Tick = 3;
+  f.Wish.Targets = { { "taa", "radiance" } };
+  const auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  EXPECT_EQ(frame->Tick, 3);
+  EXPECT_TRUE(SameBits(
+    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 3, f.Wish.Targets[0])));
+}
+
+TEST(RenderSession, ShowsManySamplesOnTheWayAndEndsWithTheBitsOfOneGo)
+{
+  Fixture f;
+  f.Wish.Document = Read("quick.xml");
+  f.Wish.Options = Small(3);
+  f.Wish.Options.Defines.emplace_back("spp", "20");
+  f.Wish.Targets = { { "sum", "radiance" } };
+  std::vector<int> samples;
+  std::mutex mutex;
+  f.Session.SetNotify(
+    [&]
+    {
+      const auto frame = f.Session.Latest();
+      std::lock_guard<std::mutex> lock(mutex);
+      if (frame && frame->Ok && (samples.empty() || samples.back() != frame->Samples))
+      {
+        samples.push_back(frame->Samples);
+      }
+    });
+  for (int tick : { 0, 2 })
+  {
+    f.Wish.Tick = tick;
+    const auto frame = f.Run();
+    ASSERT_TRUE(frame->Ok) << frame->Error;
+    EXPECT_TRUE(frame->Final);
+    EXPECT_EQ(frame->Samples, 20);
+    EXPECT_TRUE(SameBits(
+      Values(frame->Image("sum"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, tick, f.Wish.Targets[0])));
+  }
+  f.Session.SetNotify(nullptr);
+  std::lock_guard<std::mutex> lock(mutex);
+  ASSERT_GE(samples.size(), 2u);
+  EXPECT_EQ(samples.front(), 1);
+  EXPECT_EQ(samples.back(), 20);
+}
+
+TEST(RenderSession, AFilterParameterLeavesThePathTracerAlone)
+{
+  Fixture f;
+  auto document = Read("quick.xml");
+  f.Wish.Document = document;
+  f.Wish.Options = Small(1);
+  f.Wish.Targets = { { "sum", "radiance" } };
+  ASSERT_TRUE(f.Run()->Ok);
+  auto edited = std::make_shared<PipelineDocument>(*document);
+  for (PipelineNode& n : edited->Nodes)
+  {
+    if (n.Id.Value == "blur")
+    {
+      PipelineProperty p;
+      p.Name = "SigmaSpatial";
+      p.Value = "1.25";
+      n.Properties.push_back(p);
+    }
+  }
+  f.Wish.Document = edited;
+  const auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  std::map<std::string, std::int64_t> executions, rays;
+  for (const ViewFrame::Node& n : frame->Nodes)
+  {
+    executions[n.Path] = n.Counters.Executions;
+    rays[n.Path] = n.Counters.Rays;
+  }
+  EXPECT_EQ(executions["pt"], 0);
+  EXPECT_EQ(rays["pt"], 0);
+  EXPECT_EQ(executions["demodulate"], 0);
+  EXPECT_EQ(executions["blur"], 1);
+  EXPECT_EQ(executions["modulate"], 1);
+  EXPECT_TRUE(SameBits(
+    Values(frame->Image("sum"), "radiance"), Expected(edited, f.Wish.Options, 0, f.Wish.Targets[0])));
+
+  // Taking the edit back resets the property of the stage that stayed.
+  f.Wish.Document = document;
+  EXPECT_TRUE(SameBits(
+    Values(f.Run()->Image("sum"), "radiance"), Expected(document, f.Wish.Options, 0, f.Wish.Targets[0])));
+}
+
+TEST(RenderSession, ANodeInsertedOnALinkKeepsWhatIsAboveIt)
+{
+  Fixture f;
+  auto document = Read("quick.xml");
+  f.Wish.Document = document;
+  f.Wish.Options = Small(1);
+  f.Wish.Targets = { { "sum", "radiance" } };
+  f.Wish.Progressive = false;
+  ASSERT_TRUE(f.Run()->Ok);
+  auto edited = std::make_shared<PipelineDocument>(*document);
+  PipelineNode clamp;
+  clamp.Id = "clamp";
+  clamp.Type = "FireflyClamp";
+  PipelineInput in;
+  in.Port = "radiance";
+  in.From = "scattered:radiance";
+  clamp.Inputs.push_back(in);
+  for (PipelineNode& n : edited->Nodes)
+  {
+    if (n.Id.Value == "demodulate")
+    {
+      n.Inputs[0].From = "clamp:radiance";
+    }
+  }
+  edited->Nodes.push_back(clamp);
+  f.Wish.Document = edited;
+  auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  for (const ViewFrame::Node& n : frame->Nodes)
+  {
+    EXPECT_EQ(n.Counters.Executions, n.Path == "pt" || n.Path == "scattered" ? 0 : 1) << n.Path;
+  }
+  EXPECT_TRUE(
+    SameBits(Values(frame->Image("sum"), "radiance"), Expected(edited, f.Wish.Options, 0, f.Wish.Targets[0])));
+  f.Wish.Document = document;
+  frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  EXPECT_TRUE(
+    SameBits(Values(frame->Image("sum"), "radiance"), Expected(document, f.Wish.Options, 0, f.Wish.Targets[0])));
+}
+
+TEST(RenderSession, WhatIsShownRunsWhileTheRestHasMistakes)
+{
+  Fixture f;
+  auto document = Read("quick.xml");
+  PipelineNode loose;
+  loose.Id = "loose";
+  loose.Type = "AlbedoModulate";
+  document->Nodes.push_back(loose);
+  f.Wish.Document = document;
+  f.Wish.Options = Small(1);
+  f.Wish.Targets = { { "demodulate", "illumination" } };
+  const auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  EXPECT_TRUE(frame->Pruned);
+  const auto check = f.Session.Checked();
+  ASSERT_TRUE(check);
+  ASSERT_GE(check->Errors, 1);
+  EXPECT_EQ(check->Messages.front().Node, "loose");
+
+  f.Wish.Targets = { { "loose", "radiance" } };
+  const auto failed = f.Run();
+  EXPECT_FALSE(failed->Ok);
+  EXPECT_NE(failed->Error.find("loose"), std::string::npos) << failed->Error;
+}
+
+TEST(RenderSession, UnknownTargetsAreSentences)
+{
+  Fixture f;
+  f.Wish.Document = Read("quick.xml");
+  f.Wish.Options = Small(1);
+  f.Wish.Targets = { { "nobody", "radiance" } };
+  EXPECT_NE(f.Run()->Error.find("\"nobody\""), std::string::npos);
+  f.Wish.Targets = { { "blur", "nothing" } };
+  EXPECT_NE(f.Run()->Error.find("\"nothing\""), std::string::npos);
+  f.Wish.Targets = {};
+  const auto frame = f.Run();
+  EXPECT_FALSE(frame->Ok);
+  EXPECT_EQ(frame->Error, "");
+}
+
+TEST(RenderSession, AnotherFrameSizeStartsWithoutHistory)
+{
+  Fixture f;
+  f.Wish.Document = Read("svgf.xml");
+  f.Wish.Options = Small();
+  f.Wish.Tick = 2;
+  f.Wish.Targets = { { "taa", "radiance" } };
+  ASSERT_TRUE(f.Run()->Ok);
+  f.Wish.Options.Defines[0].second = "24";
+  const auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  EXPECT_EQ(frame->Image("taa")->GetDimensions()[0], 24);
+  EXPECT_TRUE(SameBits(
+    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 2, f.Wish.Targets[0])));
+}
+
+TEST(RenderSession, ALiveCameraKeepsTheHistory)
+{
+  Fixture f;
+  f.Wish.Document = Read("svgf.xml");
+  f.Wish.Options = Small(2);
+  f.Wish.Targets = { { "direct/accumulate", "history" } };
+  ASSERT_TRUE(f.Run()->Ok);
+  const FrameFacts facts = FrameFacts::Read(f.Session.Latest()->Image("direct/accumulate")->GetFieldData());
+  ASSERT_TRUE(facts.HasCamera);
+  Mat4 worldFromCamera;
+  ASSERT_TRUE(facts.WorldToCamera.Inverse(worldFromCamera));
+  for (int i = 0; i < 3; ++i)
+  {
+    worldFromCamera.m[i][3] += i == 0 ? facts.Origin.x : i == 1 ? facts.Origin.y : facts.Origin.z;
+  }
+  // Standing still, and more frames than the pipeline has: every pixel that is hit has been seen in all of them.
+  std::shared_ptr<const ViewFrame> frame;
+  for (int i = 1; i <= 6; ++i)
+  {
+    f.Wish.Camera = worldFromCamera;
+    f.Wish.CameraSerial = i;
+    frame = f.Run();
+    ASSERT_TRUE(frame->Ok) << frame->Error;
+  }
+  EXPECT_EQ(frame->LiveTicks, 6);
+  const std::vector<float> still = Values(frame->Image("direct/accumulate"), "history");
+  const float longest = *std::max_element(still.begin(), still.end());
+  EXPECT_EQ(longest, 7.f);
+  // A step aside: most pixels find themselves again.
+  worldFromCamera.m[0][3] += 0.02;
+  f.Wish.Camera = worldFromCamera;
+  f.Wish.CameraSerial = 7;
+  frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  const std::vector<float> moved = Values(frame->Image("direct/accumulate"), "history");
+  EXPECT_GT(std::count(moved.begin(), moved.end(), 8.f), std::ptrdiff_t(moved.size() / 2));
+  // Back to the scene's own camera: the frame of a run.
+  f.Wish.Camera.reset();
+  f.Wish.Targets = { { "taa", "radiance" } };
+  frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  EXPECT_TRUE(SameBits(
+    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 0, f.Wish.Targets[0])));
+}
+
+TEST(RenderSession, CancelEndsAFrameThatWouldTakeMinutes)
+{
+  Fixture f;
+  f.Wish.Document = Read("quick.xml");
+  f.Wish.Options = Small(1);
+  f.Wish.Options.Defines = { { "width", "1024" }, { "height", "1024" }, { "spp", "100000" } };
+  f.Wish.Targets = { { "sum", "radiance" } };
+  f.Wish.Progressive = false;
+  f.Session.Wish(f.Wish);
+  while (f.Session.Progress().Node.empty())
+  {
+    std::this_thread::yield();
+  }
+  f.Session.Cancel();
+  EXPECT_TRUE(f.Session.WaitIdle(20));
+  EXPECT_TRUE(f.Session.Latest() == nullptr);
+  // And the next wish is served.
+  f.Wish.Options = Small(1);
+  EXPECT_TRUE(f.Run()->Ok);
+}
+
+TEST(RenderSession, PlaysThroughTheTimelineInOrder)
+{
+  Fixture f;
+  f.Wish.Document = Read("svgf.xml");
+  f.Wish.Options = Small(5);
+  f.Wish.Targets = { { "taa", "radiance" } };
+  f.Wish.Play = true;
+  f.Wish.Loop = false;
+  std::vector<int> ticks;
+  std::mutex mutex;
+  f.Session.SetNotify(
+    [&]
+    {
+      const auto frame = f.Session.Latest();
+      std::lock_guard<std::mutex> lock(mutex);
+      if (frame && frame->Ok && (ticks.empty() || ticks.back() != frame->Tick))
+      {
+        ticks.push_back(frame->Tick);
+      }
+    });
+  const auto frame = f.Run();
+  f.Session.SetNotify(nullptr);
+  EXPECT_TRUE(SameBits(
+    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 4, f.Wish.Targets[0])));
+  std::lock_guard<std::mutex> lock(mutex);
+  EXPECT_EQ(ticks, (std::vector<int>{ 0, 1, 2, 3, 4 }));
+}
+
+// What is on the screen is what `quell run` writes: the floats of the EXR, the bytes of the PNG.
+TEST(RenderSession, ShowsWhatARunWrites)
+{
+  const fs::path dir = fs::path(testing::TempDir()) / "quell-view-run";
+  fs::remove_all(dir);
+  GraphOptions options = Small(1);
+  options.OutputDirectory = dir.string();
+  auto document = Read("quick.xml");
+  {
+    Diagnostics messages;
+    PipelineExecutor executor(BuildGraph(document, Registry(), options, messages), Registry());
+    ASSERT_TRUE(executor.RunTick(0).Ok);
+  }
+  Fixture f;
+  f.Wish.Document = document;
+  f.Wish.Options = Small(1);
+  f.Wish.Targets = { { "sum", "radiance" } };
+  const auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  const auto written = ReadImageFile((dir / "out/quick.exr").string());
+  EXPECT_TRUE(SameBits(Values(frame->Image("sum"), "radiance"), Values(written, "radiance")));
+
+  DisplayMapper mapper;
+  DisplaySettings settings;
+  settings.View = "ACES-like";
+  const DisplayImage shown = mapper.Map(frame->Image("sum"), "radiance", ArrayKind::Color, settings);
+  ReadOptions plain;
+  plain.Transfer = FileTransfer::Linear;
+  const auto png = ReadImageFile((dir / "out/quick.png").string(), nullptr, plain);
+  const std::vector<float> values = Values(png, "radiance");
+  ASSERT_EQ(values.size(), std::size_t(shown.Width * shown.Height * 3));
+  int different = 0;
+  for (int y = 0; y < shown.Height; ++y)
+  {
+    for (int x = 0; x < shown.Width; ++x)
+    {
+      for (int c = 0; c < 3; ++c)
+      {
+        const float file = values[std::size_t(3 * ((shown.Height - 1 - y) * shown.Width + x) + c)] * 255.f;
+        different += int(file + 0.5f) != int(shown.Rgba[std::size_t(4 * (y * shown.Width + x) + c)]);
+      }
+    }
+  }
+  EXPECT_EQ(different, 0);
+  fs::remove_all(dir);
+}

@@ -1,0 +1,1268 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellEditDocument.h"
+
+#include "quellPipelineReader.h"
+#include "quellPipelineWriter.h"
+#include "quellRenderSession.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+namespace fs = std::filesystem;
+
+namespace quell
+{
+namespace
+{
+const std::size_t MaximumSteps = 500;
+const char* const OutputPrefix = "output:";
+const char* const PortPrefix = "port:";
+
+bool HasPrefix(const std::string& s, const char* prefix)
+{
+  return s.compare(0, std::strlen(prefix), prefix) == 0;
+}
+std::string After(const std::string& s, const char* prefix)
+{
+  return s.substr(std::strlen(prefix));
+}
+
+bool RefersTo(const std::string& from, const std::string& id)
+{
+  return from == id || (from.size() > id.size() && from.compare(0, id.size(), id) == 0 && from[id.size()] == ':');
+}
+
+std::string Renamed(const std::string& from, const std::string& id, const std::string& now)
+{
+  return RefersTo(from, id) ? now + from.substr(id.size()) : from;
+}
+
+std::shared_ptr<PipelineDocument> Empty()
+{
+  auto d = std::make_shared<PipelineDocument>();
+  d->Version = "1";
+  d->File = "untitled.xml";
+  return d;
+}
+
+/// Places of texts keep naming the file they are from, so that relative paths go on being seen from there.
+PipelineText TextAt(const PipelineDocument& d, const std::string& value)
+{
+  PipelineText t(value);
+  t.Place.File = d.File;
+  return t;
+}
+
+const PipelineTemplate* TemplateWithin(const PipelineDocument& d, const std::string& name)
+{
+  for (const PipelineTemplate& t : d.Templates)
+  {
+    if (t.Name.Value == name)
+    {
+      return &t;
+    }
+  }
+  for (const PipelineInclude& i : d.Includes)
+  {
+    if (const PipelineTemplate* t = i.Content ? TemplateWithin(*i.Content, name) : nullptr)
+    {
+      return t;
+    }
+  }
+  return nullptr;
+}
+}
+
+std::string PositionKey(const std::string& scope, const std::string& box)
+{
+  return scope.empty() ? box : scope + "/" + box;
+}
+
+bool IsPipelineName(const std::string& s)
+{
+  if (s.empty() || s.size() > 128)
+  {
+    return false;
+  }
+  for (std::size_t i = 0; i < s.size(); ++i)
+  {
+    const char c = s[i];
+    const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+    if (!letter && (i == 0 || !((c >= '0' && c <= '9') || c == '-')))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+EditDocument::EditDocument()
+{
+  this->Clear();
+}
+
+void EditDocument::Clear()
+{
+  this->Set(Empty());
+}
+
+void EditDocument::Set(std::shared_ptr<const PipelineDocument> document)
+{
+  this->Now = { document, {} };
+  this->Undone.clear();
+  this->Redone.clear();
+  this->MergeKey.clear();
+  this->Path.clear();
+  this->SavedText.clear();
+  this->SavedDocument = document;
+  this->SavedPositions.clear();
+  ++this->Count;
+}
+
+bool EditDocument::Open(const std::string& file, std::vector<Diagnostic>& messages)
+{
+  Diagnostics d;
+  std::error_code ec;
+  std::ifstream stream(file, std::ios::binary);
+  if (!fs::is_regular_file(file, ec) || !stream)
+  {
+    SourceLocation place;
+    place.File = file;
+    d.Error(place, {}, fs::exists(file, ec) ? "cannot be read" : "there is no such file");
+    messages = d.All();
+    return false;
+  }
+  std::stringstream text;
+  text << stream.rdbuf();
+  auto document = ReadPipelineFile(file, d);
+  d.Sort();
+  messages = d.All();
+  // Mistakes below the root are shown in the graph; without a root there is nothing to show.
+  const bool isPipeline = document && (document->Version.Given || !document->Nodes.empty() ||
+                                        !document->Templates.empty() || !document->Outputs.empty());
+  if (!isPipeline && d.HasErrors())
+  {
+    return false;
+  }
+  this->Set(document);
+  this->Path = file;
+  this->SavedText = text.str();
+  this->Now.Positions = this->SavedPositions = ReadPipelinePositions(this->SavedText);
+  return true;
+}
+
+bool EditDocument::IsDirty() const
+{
+  return (this->Now.Document != this->SavedDocument && *this->Now.Document != *this->SavedDocument) ||
+         this->Now.Positions != this->SavedPositions;
+}
+
+std::string EditDocument::Text() const
+{
+  const std::string body = this->SavedText.empty() ? WritePipelineText(*this->Now.Document)
+                                                   : PatchPipelineText(this->SavedText, *this->Now.Document);
+  return this->Now.Positions == ReadPipelinePositions(body) ? body
+                                                            : WithPipelinePositions(body, this->Now.Positions);
+}
+
+bool EditDocument::Save(const std::string& file, std::string& error)
+{
+  if (file.empty())
+  {
+    error = "the pipeline has no file yet";
+    return false;
+  }
+  const std::string text = this->Text();
+  const std::string temporary = file + ".saving";
+  {
+    std::ofstream stream(temporary, std::ios::binary);
+    stream << text;
+    stream.close();
+    if (!stream)
+    {
+      error = "cannot write " + file + ": " + std::strerror(errno);
+      std::error_code ec;
+      fs::remove(temporary, ec);
+      return false;
+    }
+  }
+  std::error_code ec;
+  // A file's rights stay as they were.
+  if (fs::exists(file, ec))
+  {
+    fs::permissions(temporary, fs::status(file, ec).permissions(), ec);
+  }
+  fs::rename(temporary, file, ec);
+  if (ec)
+  {
+    error = "cannot write " + file + ": " + ec.message();
+    fs::remove(temporary, ec);
+    return false;
+  }
+  this->SavedText = text;
+  this->SavedPositions = this->Now.Positions;
+  if (this->Path != file)
+  {
+    // Relative paths are seen from the file: read it as it will be read.
+    this->Path = file;
+    Diagnostics ignored;
+    this->Now.Document = ReadPipelineFile(file, ignored);
+    ++this->Count;
+  }
+  this->SavedDocument = this->Now.Document;
+  return true;
+}
+
+// ---- steps ----------------------------------------------------------------------------------------------------------
+PipelineDocument& EditDocument::Begin()
+{
+  this->Draft = std::make_shared<PipelineDocument>(*this->Now.Document);
+  this->DraftPositions = this->Now.Positions;
+  return *this->Draft;
+}
+
+void EditDocument::Commit(const std::string& label, const std::string& mergeKey)
+{
+  const bool merges = !mergeKey.empty() && mergeKey == this->MergeKey && !this->Undone.empty();
+  const bool changes = *this->Draft != *this->Now.Document || this->DraftPositions != this->Now.Positions;
+  if (changes)
+  {
+    if (!merges)
+    {
+      this->Undone.push_back({ this->Now, label });
+      if (this->Undone.size() > MaximumSteps)
+      {
+        this->Undone.erase(this->Undone.begin());
+      }
+    }
+    this->Redone.clear();
+    const bool sameDocument = *this->Draft == *this->Now.Document;
+    this->Now.Positions = this->DraftPositions;
+    if (!sameDocument)
+    {
+      this->Now.Document = this->Draft; // a box that was moved leaves the session's document alone
+    }
+    ++this->Count;
+    this->MergeKey = mergeKey;
+  }
+  this->Draft.reset();
+}
+
+void EditDocument::Undo()
+{
+  if (this->Undone.empty())
+  {
+    return;
+  }
+  const Step step = this->Undone.back();
+  this->Undone.pop_back();
+  this->Redone.push_back({ this->Now, step.Label });
+  this->Now = step.Before;
+  this->MergeKey.clear();
+  ++this->Count;
+}
+
+void EditDocument::Redo()
+{
+  if (this->Redone.empty())
+  {
+    return;
+  }
+  const Step step = this->Redone.back();
+  this->Redone.pop_back();
+  this->Undone.push_back({ this->Now, step.Label });
+  this->Now = step.Before;
+  this->MergeKey.clear();
+  ++this->Count;
+}
+
+void EditDocument::Replace(const std::string& label, std::shared_ptr<const PipelineDocument> document)
+{
+  this->Begin() = *document;
+  this->Commit(label);
+}
+
+// ---- looking things up ----------------------------------------------------------------------------------------------
+std::vector<PipelineNode>* EditDocument::EditNodes(PipelineDocument& d, const std::string& scope) const
+{
+  if (scope.empty())
+  {
+    return &d.Nodes;
+  }
+  for (PipelineTemplate& t : d.Templates)
+  {
+    if (t.Name.Value == scope)
+    {
+      return &t.Nodes;
+    }
+  }
+  return nullptr;
+}
+
+PipelineNode* EditDocument::EditNode(PipelineDocument& d, const std::string& scope, const std::string& id) const
+{
+  std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
+  if (nodes)
+  {
+    for (PipelineNode& n : *nodes)
+    {
+      if (n.Id.Value == id)
+      {
+        return &n;
+      }
+    }
+  }
+  return nullptr;
+}
+
+const std::vector<PipelineNode>& EditDocument::Nodes(const std::string& scope) const
+{
+  static const std::vector<PipelineNode> none;
+  if (scope.empty())
+  {
+    return this->Now.Document->Nodes;
+  }
+  const PipelineTemplate* t = this->FindTemplate(scope);
+  return t ? t->Nodes : none;
+}
+
+const PipelineNode* EditDocument::FindNode(const std::string& scope, const std::string& id) const
+{
+  for (const PipelineNode& n : this->Nodes(scope))
+  {
+    if (n.Id.Value == id)
+    {
+      return &n;
+    }
+  }
+  return nullptr;
+}
+
+const PipelineTemplate* EditDocument::FindTemplate(const std::string& name) const
+{
+  return TemplateWithin(*this->Now.Document, name);
+}
+
+bool EditDocument::IsEditable(const std::string& scope) const
+{
+  if (scope.empty())
+  {
+    return true;
+  }
+  const std::vector<PipelineTemplate>& own = this->Now.Document->Templates;
+  return std::any_of(
+    own.begin(), own.end(), [&scope](const PipelineTemplate& t) { return t.Name.Value == scope; });
+}
+
+std::string EditDocument::FreeName(const std::string& scope, const std::string& hint) const
+{
+  std::string stem = hint;
+  while (stem.size() > 1 && stem.back() >= '0' && stem.back() <= '9')
+  {
+    stem.pop_back();
+  }
+  stem = IsPipelineName(stem) ? stem : "node";
+  std::set<std::string> taken;
+  for (const PipelineNode& n : this->Nodes(scope))
+  {
+    taken.insert(n.Id.Value);
+  }
+  if (scope.empty())
+  {
+    for (const PipelineOutput& o : this->Now.Document->Outputs)
+    {
+      taken.insert(OutputPrefix + o.Name.Value);
+    }
+  }
+  const bool output = HasPrefix(hint, OutputPrefix);
+  stem = output ? After(hint, OutputPrefix) : stem;
+  const auto full = [&](const std::string& s) { return output ? OutputPrefix + s : s; };
+  if (!taken.count(full(stem)))
+  {
+    return stem;
+  }
+  for (int i = 2;; ++i)
+  {
+    const std::string name = stem + std::to_string(i);
+    if (!taken.count(full(name)))
+    {
+      return name;
+    }
+  }
+}
+
+void EditDocument::Place(const std::string& scope, const std::string& box, double x, double y)
+{
+  this->DraftPositions[PositionKey(scope, box)] = { std::floor(x + 0.5), std::floor(y + 0.5) };
+}
+
+// ---- nodes ----------------------------------------------------------------------------------------------------------
+std::string EditDocument::AddNode(
+  const std::string& scope, const std::string& type, double x, double y, const std::string& idHint)
+{
+  PipelineDocument& d = this->Begin();
+  std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
+  if (!nodes)
+  {
+    return {};
+  }
+  // "ATrousFilter" -> "aTrous": the type's words without what every stage is.
+  std::string hint = idHint;
+  if (hint.empty())
+  {
+    hint = type;
+    for (const char* tail : { "Filter", "Source", "Images", "Transform", "Estimate" })
+    {
+      const std::size_t n = std::strlen(tail);
+      if (hint.size() > n && hint.compare(hint.size() - n, n, tail) == 0)
+      {
+        hint.erase(hint.size() - n);
+      }
+    }
+    hint[0] = char(std::tolower(static_cast<unsigned char>(hint[0])));
+    hint = type == "PathTraceSource" ? "pt" : hint;
+  }
+  PipelineNode n;
+  n.Id = TextAt(d, this->FreeName(scope, hint));
+  n.Type = TextAt(d, type);
+  n.Place.File = d.File;
+  nodes->push_back(n);
+  this->Place(scope, n.Id.Value, x, y);
+  this->Commit("add " + n.Id.Value);
+  return n.Id.Value;
+}
+
+std::string EditDocument::AddInstance(const std::string& scope, const std::string& templateName, double x, double y)
+{
+  PipelineDocument& d = this->Begin();
+  std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
+  if (!nodes)
+  {
+    return {};
+  }
+  PipelineNode n;
+  n.IsInstance = true;
+  n.Id = TextAt(d, this->FreeName(scope, templateName));
+  n.Type = TextAt(d, templateName);
+  n.Place.File = d.File;
+  nodes->push_back(n);
+  this->Place(scope, n.Id.Value, x, y);
+  this->Commit("add " + n.Id.Value);
+  return n.Id.Value;
+}
+
+bool EditDocument::Remove(const std::string& scope, const std::vector<std::string>& boxes, bool reconnect)
+{
+  PipelineDocument& d = this->Begin();
+  std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
+  if (!nodes)
+  {
+    return false;
+  }
+  bool any = false;
+  for (const std::string& box : boxes)
+  {
+    this->DraftPositions.erase(PositionKey(scope, box));
+    if (HasPrefix(box, OutputPrefix))
+    {
+      const auto named = [&](const PipelineOutput& o) { return o.Name.Value == After(box, OutputPrefix); };
+      const auto at = std::find_if(d.Outputs.begin(), d.Outputs.end(), named);
+      if (at != d.Outputs.end() && scope.empty())
+      {
+        d.Outputs.erase(at);
+        any = true;
+      }
+      continue;
+    }
+    const auto named = [&](const PipelineNode& n) { return n.Id.Value == box; };
+    const auto at = std::find_if(nodes->begin(), nodes->end(), named);
+    if (at == nodes->end())
+    {
+      continue;
+    }
+    // What its first input reads takes its place, where that is wanted and there is such a thing.
+    std::string instead;
+    if (reconnect && !at->Inputs.empty() && !at->Inputs.front().Delay.Given)
+    {
+      instead = at->Inputs.front().From.Value;
+    }
+    nodes->erase(at);
+    any = true;
+    const auto follow = [&](std::string& from)
+    {
+      if (!RefersTo(from, box))
+      {
+        return true;
+      }
+      if (instead.empty() || RefersTo(instead, box))
+      {
+        return false;
+      }
+      from = instead;
+      return true;
+    };
+    for (PipelineNode& n : *nodes)
+    {
+      n.Inputs.erase(std::remove_if(n.Inputs.begin(), n.Inputs.end(),
+                       [&](PipelineInput& i) { return !follow(i.From.Value); }),
+        n.Inputs.end());
+    }
+    if (scope.empty())
+    {
+      for (PipelineOutput& o : d.Outputs)
+      {
+        if (!follow(o.From.Value))
+        {
+          o.From = PipelineText();
+        }
+        o.Layers.erase(std::remove_if(o.Layers.begin(), o.Layers.end(),
+                         [&](PipelineLayer& l) { return !follow(l.From.Value); }),
+          o.Layers.end());
+      }
+    }
+    else
+    {
+      for (PipelineTemplate& t : d.Templates)
+      {
+        for (PipelinePort& p : t.Outputs)
+        {
+          if (t.Name.Value == scope && !follow(p.From.Value))
+          {
+            p.From.Value.clear();
+          }
+        }
+      }
+    }
+  }
+  if (any)
+  {
+    this->Commit(boxes.size() == 1 ? "delete " + boxes.front() : "delete " + std::to_string(boxes.size()) + " nodes");
+  }
+  return any;
+}
+
+std::vector<std::string> EditDocument::Duplicate(
+  const std::string& scope, const std::vector<std::string>& boxes, double dx, double dy)
+{
+  PipelineDocument& d = this->Begin();
+  std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
+  std::vector<std::string> made;
+  if (!nodes)
+  {
+    return made;
+  }
+  std::vector<std::pair<std::string, std::string>> names;
+  std::set<std::string> taken;
+  std::vector<PipelineNode> copies;
+  for (const std::string& box : boxes)
+  {
+    const PipelineNode* n = this->FindNode(scope, box);
+    if (!n)
+    {
+      continue;
+    }
+    std::string name = this->FreeName(scope, box);
+    while (taken.count(name))
+    {
+      name = this->FreeName(scope, name);
+      if (taken.count(name))
+      {
+        // FreeName knows the document only; count on from what was given away.
+        std::string stem = name;
+        while (stem.size() > 1 && stem.back() >= '0' && stem.back() <= '9')
+        {
+          stem.pop_back();
+        }
+        int i = 2;
+        while (taken.count(stem + std::to_string(i)) || this->FindNode(scope, stem + std::to_string(i)))
+        {
+          ++i;
+        }
+        name = stem + std::to_string(i);
+      }
+    }
+    taken.insert(name);
+    names.emplace_back(box, name);
+    PipelineNode copy = *n;
+    copy.Id = TextAt(d, name);
+    copies.push_back(copy);
+    const auto at = this->Now.Positions.find(PositionKey(scope, box));
+    if (at != this->Now.Positions.end())
+    {
+      this->Place(scope, name, at->second.first + dx, at->second.second + dy);
+    }
+    made.push_back(name);
+  }
+  for (PipelineNode& copy : copies)
+  {
+    for (PipelineInput& i : copy.Inputs)
+    {
+      for (const auto& name : names)
+      {
+        if (RefersTo(i.From.Value, name.first))
+        {
+          i.From.Value = Renamed(i.From.Value, name.first, name.second);
+          break;
+        }
+      }
+    }
+    nodes->push_back(copy);
+  }
+  if (!made.empty())
+  {
+    this->Commit(made.size() == 1 ? "duplicate " + boxes.front() : "duplicate " + std::to_string(made.size()) + " nodes");
+  }
+  return made;
+}
+
+bool EditDocument::Rename(
+  const std::string& scope, const std::string& box, const std::string& name, std::string& error)
+{
+  if (!IsPipelineName(name))
+  {
+    error = "a name starts with a letter or _ and goes on with letters, digits, _ and -";
+    return false;
+  }
+  PipelineDocument& d = this->Begin();
+  if (HasPrefix(box, OutputPrefix))
+  {
+    const std::string old = After(box, OutputPrefix);
+    for (const PipelineOutput& o : d.Outputs)
+    {
+      if (o.Name.Value == name && name != old)
+      {
+        error = "there is an output " + Quoted(name) + " already";
+        return false;
+      }
+    }
+    for (PipelineOutput& o : d.Outputs)
+    {
+      if (o.Name.Value == old)
+      {
+        o.Name = TextAt(d, name);
+      }
+    }
+  }
+  else
+  {
+    PipelineNode* node = this->EditNode(d, scope, box);
+    if (!node)
+    {
+      error = "there is no node " + Quoted(box);
+      return false;
+    }
+    if (name != box && this->FindNode(scope, name))
+    {
+      error = "there is a node " + Quoted(name) + " already";
+      return false;
+    }
+    node->Id.Value = name;
+    for (PipelineNode& n : *this->EditNodes(d, scope))
+    {
+      for (PipelineInput& i : n.Inputs)
+      {
+        i.From.Value = Renamed(i.From.Value, box, name);
+      }
+    }
+    if (scope.empty())
+    {
+      for (PipelineOutput& o : d.Outputs)
+      {
+        o.From.Value = Renamed(o.From.Value, box, name);
+        for (PipelineLayer& l : o.Layers)
+        {
+          l.From.Value = Renamed(l.From.Value, box, name);
+        }
+      }
+    }
+    for (PipelineTemplate& t : d.Templates)
+    {
+      if (t.Name.Value == scope)
+      {
+        for (PipelinePort& p : t.Outputs)
+        {
+          p.From.Value = Renamed(p.From.Value, box, name);
+        }
+      }
+    }
+  }
+  const auto at = this->DraftPositions.find(PositionKey(scope, box));
+  if (at != this->DraftPositions.end())
+  {
+    const auto where = at->second;
+    this->DraftPositions.erase(at);
+    this->DraftPositions[PositionKey(scope, HasPrefix(box, OutputPrefix) ? OutputPrefix + name : name)] = where;
+  }
+  this->Commit("rename " + box);
+  return true;
+}
+
+void EditDocument::Move(
+  const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to)
+{
+  this->Begin();
+  std::string key = "move";
+  for (const auto& t : to)
+  {
+    this->Place(scope, t.first, t.second.first, t.second.second);
+    key += " " + t.first;
+  }
+  this->Commit(to.size() == 1 ? "move " + to.front().first : "move " + std::to_string(to.size()) + " nodes", key);
+}
+
+void EditDocument::Arrange(
+  const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to)
+{
+  this->Begin();
+  for (const auto& t : to)
+  {
+    this->Place(scope, t.first, t.second.first, t.second.second);
+  }
+  this->Commit("arrange");
+}
+
+std::string EditDocument::CopyXml(const std::string& scope, const std::vector<std::string>& boxes) const
+{
+  PipelineDocument copy;
+  copy.Version = "1";
+  for (const PipelineNode& n : this->Nodes(scope))
+  {
+    if (std::find(boxes.begin(), boxes.end(), n.Id.Value) != boxes.end())
+    {
+      copy.Nodes.push_back(n);
+    }
+  }
+  PipelinePositions positions;
+  for (const PipelineNode& n : copy.Nodes)
+  {
+    const auto at = this->Now.Positions.find(PositionKey(scope, n.Id.Value));
+    if (at != this->Now.Positions.end())
+    {
+      positions[n.Id.Value] = at->second;
+    }
+  }
+  return copy.Nodes.empty() ? std::string() : WithPipelinePositions(WritePipelineText(copy), positions);
+}
+
+std::vector<std::string> EditDocument::PasteXml(
+  const std::string& scope, const std::string& text, double x, double y, std::string& error)
+{
+  std::vector<std::string> made;
+  PipelineDocument& d = this->Begin();
+  std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
+  if (!nodes)
+  {
+    error = "this template belongs to another file";
+    return made;
+  }
+  Diagnostics messages;
+  std::string whole = text;
+  // A bare <node> is a paste, too.
+  const std::size_t first = whole.find_first_not_of(" \t\r\n");
+  if (first != std::string::npos && (whole.compare(first, 5, "<node") == 0 || whole.compare(first, 9, "<instance") == 0))
+  {
+    whole = "<pipeline version=\"1\">" + whole + "</pipeline>";
+  }
+  const auto pasted = ReadPipelineText(whole, d.File, messages);
+  if (messages.HasErrors())
+  {
+    error = "the clipboard holds no nodes: " + messages.All().front().What;
+    return made;
+  }
+  if (pasted->Nodes.empty())
+  {
+    error = "the clipboard holds no nodes";
+    return made;
+  }
+  const PipelinePositions positions = ReadPipelinePositions(whole);
+  double left = 0, top = 0;
+  bool placed = false;
+  for (const auto& p : positions)
+  {
+    left = placed ? std::min(left, p.second.first) : p.second.first;
+    top = placed ? std::min(top, p.second.second) : p.second.second;
+    placed = true;
+  }
+  std::vector<std::pair<std::string, std::string>> names;
+  std::set<std::string> taken;
+  for (const PipelineNode& n : *nodes)
+  {
+    taken.insert(n.Id.Value);
+  }
+  for (const PipelineNode& n : pasted->Nodes)
+  {
+    std::string stem = n.Id.Value;
+    while (stem.size() > 1 && stem.back() >= '0' && stem.back() <= '9')
+    {
+      stem.pop_back();
+    }
+    std::string name = n.Id.Value;
+    for (int i = 2; taken.count(name); ++i)
+    {
+      name = stem + std::to_string(i);
+    }
+    taken.insert(name);
+    names.emplace_back(n.Id.Value, name);
+  }
+  int count = 0;
+  for (std::size_t k = 0; k < pasted->Nodes.size(); ++k)
+  {
+    PipelineNode n = pasted->Nodes[k];
+    n.Id.Value = names[k].second;
+    for (PipelineInput& i : n.Inputs)
+    {
+      for (const auto& name : names)
+      {
+        if (RefersTo(i.From.Value, name.first))
+        {
+          i.From.Value = Renamed(i.From.Value, name.first, name.second);
+          break;
+        }
+      }
+    }
+    const auto at = positions.find(names[k].first);
+    if (at != positions.end())
+    {
+      this->Place(scope, n.Id.Value, x + at->second.first - left, y + at->second.second - top);
+    }
+    else
+    {
+      this->Place(scope, n.Id.Value, x + 30 * count, y + 30 * count);
+      ++count;
+    }
+    nodes->push_back(n);
+    made.push_back(n.Id.Value);
+  }
+  this->Commit(made.size() == 1 ? "paste " + made.front() : "paste " + std::to_string(made.size()) + " nodes");
+  return made;
+}
+
+// ---- links ----------------------------------------------------------------------------------------------------------
+bool EditDocument::Connect(const std::string& scope, const std::string& from, const std::string& box,
+  const std::string& port, bool delayed, bool repeatable, std::string& error)
+{
+  PipelineDocument& d = this->Begin();
+  if (HasPrefix(box, OutputPrefix))
+  {
+    for (PipelineOutput& o : d.Outputs)
+    {
+      if (o.Name.Value == After(box, OutputPrefix))
+      {
+        if (port == "layer")
+        {
+          PipelineLayer l;
+          l.From = TextAt(d, from);
+          o.Layers.push_back(l);
+        }
+        else
+        {
+          o.From = TextAt(d, from);
+        }
+        this->Commit("connect " + box);
+        return true;
+      }
+    }
+    error = "there is no output " + Quoted(box);
+    return false;
+  }
+  if (HasPrefix(box, PortPrefix))
+  {
+    for (PipelineTemplate& t : d.Templates)
+    {
+      for (PipelinePort& p : t.Outputs)
+      {
+        if (t.Name.Value == scope && p.Name.Value == After(box, PortPrefix))
+        {
+          p.From = TextAt(d, from);
+          this->Commit("connect " + box);
+          return true;
+        }
+      }
+    }
+    error = "there is no port " + Quoted(box);
+    return false;
+  }
+  PipelineNode* node = this->EditNode(d, scope, box);
+  if (!node)
+  {
+    error = "there is no node " + Quoted(box);
+    return false;
+  }
+  PipelineInput input;
+  input.Port = TextAt(d, port);
+  input.From = TextAt(d, from);
+  input.Place.File = d.File;
+  if (delayed)
+  {
+    input.Delay = TextAt(d, "1");
+  }
+  const auto same = [&port](const PipelineInput& i) { return i.Port.Value == port; };
+  const auto at = std::find_if(node->Inputs.begin(), node->Inputs.end(), same);
+  if (at != node->Inputs.end() && !repeatable)
+  {
+    at->From = input.From;
+    at->Delay = input.Delay;
+  }
+  else
+  {
+    node->Inputs.push_back(input);
+  }
+  this->Commit("connect " + box);
+  return true;
+}
+
+bool EditDocument::Disconnect(const std::string& scope, const std::string& box, int index)
+{
+  PipelineDocument& d = this->Begin();
+  if (HasPrefix(box, OutputPrefix))
+  {
+    for (PipelineOutput& o : d.Outputs)
+    {
+      if (o.Name.Value == After(box, OutputPrefix))
+      {
+        if (index > 0 && index <= int(o.Layers.size()))
+        {
+          o.Layers.erase(o.Layers.begin() + index - 1);
+        }
+        else
+        {
+          o.From = PipelineText();
+        }
+        this->Commit("disconnect " + box);
+        return true;
+      }
+    }
+    return false;
+  }
+  PipelineNode* node = this->EditNode(d, scope, box);
+  if (!node || index < 0 || index >= int(node->Inputs.size()))
+  {
+    return false;
+  }
+  node->Inputs.erase(node->Inputs.begin() + index);
+  this->Commit("disconnect " + box);
+  return true;
+}
+
+bool EditDocument::Reconnect(const std::string& scope, const std::string& box, int index, const std::string& from)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineNode* node = this->EditNode(d, scope, box);
+  if (!node || index < 0 || index >= int(node->Inputs.size()))
+  {
+    return false;
+  }
+  node->Inputs[std::size_t(index)].From = TextAt(d, from);
+  this->Commit("connect " + box);
+  return true;
+}
+
+bool EditDocument::SetDelay(const std::string& scope, const std::string& box, int index, bool delayed)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineNode* node = this->EditNode(d, scope, box);
+  if (!node || index < 0 || index >= int(node->Inputs.size()))
+  {
+    return false;
+  }
+  node->Inputs[std::size_t(index)].Delay = delayed ? TextAt(d, "1") : PipelineText();
+  this->Commit(delayed ? "read the previous frame" : "read this frame");
+  return true;
+}
+
+std::string EditDocument::InsertOnLink(const std::string& scope, const std::string& box, int index,
+  const StageDescription& type, int inPort, const std::string& outArray, double x, double y)
+{
+  const std::size_t steps = this->Undone.size();
+  const std::string id = this->AddNode(scope, type.Type, x, y);
+  if (id.empty())
+  {
+    return id;
+  }
+  if (!this->PutOnLink(scope, box, index, id, type, inPort, outArray))
+  {
+    this->Undo();
+    this->Redone.clear();
+    return {};
+  }
+  // Two commits, one step.
+  if (this->Undone.size() == steps + 2)
+  {
+    this->Undone.pop_back();
+    this->Undone.back().Label = "insert " + id;
+  }
+  return id;
+}
+
+bool EditDocument::PutOnLink(const std::string& scope, const std::string& box, int index, const std::string& node,
+  const StageDescription& type, int inPort, const std::string& outArray)
+{
+  if (inPort < 0 || inPort >= int(type.Inputs.size()))
+  {
+    return false;
+  }
+  PipelineDocument& d = this->Begin();
+  PipelineNode* middle = this->EditNode(d, scope, node);
+  PipelineText* from = nullptr;
+  if (HasPrefix(box, OutputPrefix))
+  {
+    for (PipelineOutput& o : d.Outputs)
+    {
+      if (o.Name.Value == After(box, OutputPrefix))
+      {
+        from = index > 0 && index <= int(o.Layers.size()) ? &o.Layers[std::size_t(index - 1)].From : &o.From;
+      }
+    }
+  }
+  else if (PipelineNode* reader = this->EditNode(d, scope, box))
+  {
+    if (index >= 0 && index < int(reader->Inputs.size()))
+    {
+      from = &reader->Inputs[std::size_t(index)].From;
+    }
+  }
+  if (!middle || !from || RefersTo(from->Value, node) || box == node)
+  {
+    return false;
+  }
+  const std::string port = type.Inputs[std::size_t(inPort)].Name;
+  PipelineInput input;
+  input.Port = TextAt(d, port);
+  input.From = TextAt(d, from->Value);
+  middle->Inputs.erase(std::remove_if(middle->Inputs.begin(), middle->Inputs.end(),
+                         [&port](const PipelineInput& i) { return i.Port.Value == port; }),
+    middle->Inputs.end());
+  middle->Inputs.insert(middle->Inputs.begin(), input);
+  *from = TextAt(d, node + (outArray.empty() ? "" : ":" + outArray));
+  this->Commit("insert " + node);
+  return true;
+}
+
+// ---- values ---------------------------------------------------------------------------------------------------------
+void EditDocument::SetProperty(
+  const std::string& scope, const std::string& box, const std::string& name, const std::string& value, bool merge)
+{
+  PipelineDocument& d = this->Begin();
+  std::vector<PipelineProperty>* properties = nullptr;
+  if (HasPrefix(box, OutputPrefix))
+  {
+    for (PipelineOutput& o : d.Outputs)
+    {
+      if (o.Name.Value == After(box, OutputPrefix))
+      {
+        properties = &o.Properties;
+      }
+    }
+  }
+  else if (PipelineNode* node = this->EditNode(d, scope, box))
+  {
+    properties = &node->Properties;
+  }
+  if (!properties)
+  {
+    return;
+  }
+  const auto named = [&name](const PipelineProperty& p) { return p.Name.Value == name; };
+  const auto at = std::find_if(properties->begin(), properties->end(), named);
+  if (at != properties->end())
+  {
+    at->Value = TextAt(d, value);
+  }
+  else
+  {
+    PipelineProperty p;
+    p.Name = TextAt(d, name);
+    p.Value = TextAt(d, value);
+    p.Place.File = d.File;
+    properties->push_back(p);
+  }
+  this->Commit(box + "." + name, merge ? "set " + scope + "/" + box + "." + name : std::string());
+}
+
+void EditDocument::ResetProperty(const std::string& scope, const std::string& box, const std::string& name)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineNode* node = this->EditNode(d, scope, box);
+  if (!node)
+  {
+    return;
+  }
+  node->Properties.erase(std::remove_if(node->Properties.begin(), node->Properties.end(),
+                           [&name](const PipelineProperty& p) { return p.Name.Value == name; }),
+    node->Properties.end());
+  this->Commit("reset " + box + "." + name);
+}
+
+const PipelineText* EditDocument::FindProperty(
+  const std::string& scope, const std::string& box, const std::string& name) const
+{
+  const std::vector<PipelineProperty>* properties = nullptr;
+  if (HasPrefix(box, OutputPrefix))
+  {
+    for (const PipelineOutput& o : this->Now.Document->Outputs)
+    {
+      if (o.Name.Value == After(box, OutputPrefix))
+      {
+        properties = &o.Properties;
+      }
+    }
+  }
+  else if (const PipelineNode* n = this->FindNode(scope, box))
+  {
+    properties = &n->Properties;
+  }
+  if (properties)
+  {
+    for (const PipelineProperty& p : *properties)
+    {
+      if (p.Name.Value == name)
+      {
+        return &p.Value;
+      }
+    }
+  }
+  return nullptr;
+}
+
+void EditDocument::SetDoc(const std::string& scope, const std::string& box, const std::string& doc)
+{
+  PipelineDocument& d = this->Begin();
+  const PipelineText text = doc.empty() ? PipelineText() : TextAt(d, doc);
+  if (HasPrefix(box, OutputPrefix))
+  {
+    for (PipelineOutput& o : d.Outputs)
+    {
+      if (o.Name.Value == After(box, OutputPrefix))
+      {
+        o.Doc = text;
+      }
+    }
+  }
+  else if (PipelineNode* n = this->EditNode(d, scope, box))
+  {
+    n->Doc = text;
+  }
+  this->Commit("note of " + box, "doc " + scope + "/" + box);
+}
+
+void EditDocument::SetPipelineDoc(const std::string& doc)
+{
+  PipelineDocument& d = this->Begin();
+  d.Doc = doc.empty() ? PipelineText() : TextAt(d, doc);
+  this->Commit("description", "pipeline doc");
+}
+
+bool EditDocument::SetVariable(const std::string& name, const std::string& value, bool merge)
+{
+  PipelineDocument& d = this->Begin();
+  for (PipelineVariable& v : d.Variables)
+  {
+    if (v.Name.Value == name)
+    {
+      v.Default = TextAt(d, value);
+      this->Commit("variable " + name, merge ? "variable " + name : std::string());
+      return true;
+    }
+  }
+  return false;
+}
+
+bool EditDocument::AddVariable(
+  const std::string& name, const std::string& type, const std::string& value, std::string& error)
+{
+  if (!IsPipelineName(name))
+  {
+    error = "a name starts with a letter or _ and goes on with letters, digits, _ and -";
+    return false;
+  }
+  PipelineDocument& d = this->Begin();
+  for (const PipelineVariable& v : d.Variables)
+  {
+    if (v.Name.Value == name)
+    {
+      error = "there is a variable " + Quoted(name) + " already";
+      return false;
+    }
+  }
+  PipelineVariable v;
+  v.Name = TextAt(d, name);
+  v.Type = TextAt(d, type);
+  v.Default = TextAt(d, value);
+  v.Place.File = d.File;
+  d.Variables.push_back(v);
+  this->Commit("add variable " + name);
+  return true;
+}
+
+bool EditDocument::RemoveVariable(const std::string& name)
+{
+  PipelineDocument& d = this->Begin();
+  const auto at = std::find_if(
+    d.Variables.begin(), d.Variables.end(), [&name](const PipelineVariable& v) { return v.Name.Value == name; });
+  if (at == d.Variables.end())
+  {
+    return false;
+  }
+  d.Variables.erase(at);
+  this->Commit("delete variable " + name);
+  return true;
+}
+
+void EditDocument::SetTime(const std::string& first, const std::string& count, const std::string& rate)
+{
+  PipelineDocument& d = this->Begin();
+  d.Time.Given = true;
+  const auto set = [&d](PipelineText& text, const std::string& value)
+  {
+    if (text.Value != value)
+    {
+      text = value.empty() ? PipelineText() : TextAt(d, value);
+    }
+  };
+  set(d.Time.First, first);
+  set(d.Time.Count, count);
+  set(d.Time.Rate, rate);
+  this->Commit("timeline", "time");
+}
+
+std::string EditDocument::AddOutput(const std::string& from, double x, double y)
+{
+  PipelineDocument& d = this->Begin();
+  const std::string name = this->FreeName("", std::string(OutputPrefix) + "beauty");
+  PipelineOutput o;
+  o.Name = TextAt(d, name);
+  o.From = from.empty() ? PipelineText() : TextAt(d, from);
+  o.File = TextAt(d, "out/" + name + ".####.exr");
+  o.Place.File = d.File;
+  d.Outputs.push_back(o);
+  this->Place("", OutputPrefix + name, x, y);
+  this->Commit("add output " + name);
+  return OutputPrefix + name;
+}
+
+bool EditDocument::SetOutput(
+  const std::string& name, const std::string& attribute, const std::string& value, bool merge)
+{
+  PipelineDocument& d = this->Begin();
+  for (PipelineOutput& o : d.Outputs)
+  {
+    if (o.Name.Value == name)
+    {
+      const PipelineText text = value.empty() ? PipelineText() : TextAt(d, value);
+      (attribute == "file"      ? o.File
+        : attribute == "view"    ? o.View
+        : attribute == "display" ? o.Display
+                                 : o.From) = text;
+      this->Commit("output " + name, merge ? "output " + name + " " + attribute : std::string());
+      return true;
+    }
+  }
+  return false;
+}
+}

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#ifndef quellEditDocument_h
+#define quellEditDocument_h
+
+#include "quellPipelineDocument.h"
+#include "quellPipelinePatch.h"
+#include "quellStageRegistry.h"
+#include "vtkQuellViewModule.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace quell
+{
+/// A pipeline being edited: every change is a step that can be undone, and saving touches nothing else in the file.
+/// A scope is "" (the pipeline itself) or the name of a template of this file. Functions that return bool or an id
+/// leave the document alone when they refuse, and say why in `error`.
+///
+/// Boxes of a scope are named by the id of a node or instance, "output:NAME" for a pipeline's outputs, "@" for a
+/// template's input ports and "port:NAME" for its output ports.
+class VTKQUELLVIEW_EXPORT EditDocument
+{
+public:
+  EditDocument();
+
+  ///@{ Whole documents; each forgets the undo steps.
+  void Clear();
+  /// False when the file cannot be read or is no XML; then nothing changes. Mistakes in a readable file are the
+  /// session's to show.
+  bool Open(const std::string& file, std::vector<Diagnostic>& messages);
+  /// A document that was made elsewhere (read from an image); it has no file yet.
+  void Set(std::shared_ptr<const PipelineDocument> document);
+  /// Writes under a temporary name and renames. The first save of a document without a file needs a name.
+  bool Save(const std::string& file, std::string& error);
+  ///@}
+
+  const std::shared_ptr<const PipelineDocument>& Get() const { return this->Now.Document; }
+  const PipelinePositions& Positions() const { return this->Now.Positions; }
+  const std::string& File() const { return this->Path; }
+  bool HasFile() const { return !this->Path.empty(); }
+  /// The document, or where its boxes are, differs from the file.
+  bool IsDirty() const;
+  /// What saving would write.
+  std::string Text() const;
+
+  ///@{ Undo
+  bool CanUndo() const { return !this->Undone.empty(); }
+  bool CanRedo() const { return !this->Redone.empty(); }
+  std::string UndoLabel() const { return this->Undone.empty() ? std::string() : this->Undone.back().Label; }
+  std::string RedoLabel() const { return this->Redone.empty() ? std::string() : this->Redone.back().Label; }
+  void Undo();
+  void Redo();
+  /// Ends a series of changes that count as one step (a slider that is dragged).
+  void EndMerge() { this->MergeKey.clear(); }
+  /// Puts a whole document in place, as a step: what a point of the trade-off panel returns to.
+  void Replace(const std::string& label, std::shared_ptr<const PipelineDocument> document);
+  ///@}
+
+  ///@{ Nodes
+  std::string AddNode(const std::string& scope, const std::string& type, double x, double y,
+    const std::string& idHint = std::string());
+  std::string AddInstance(const std::string& scope, const std::string& templateName, double x, double y);
+  /// With links to them. `reconnect`: whoever read the first output of a node reads what its first input read.
+  bool Remove(const std::string& scope, const std::vector<std::string>& boxes, bool reconnect = false);
+  std::vector<std::string> Duplicate(const std::string& scope, const std::vector<std::string>& boxes, double dx, double dy);
+  /// Every reference in the scope follows.
+  bool Rename(const std::string& scope, const std::string& box, const std::string& name, std::string& error);
+  void Move(const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to);
+  /// Of all boxes of a scope at once, as one step.
+  void Arrange(const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to);
+  std::string CopyXml(const std::string& scope, const std::vector<std::string>& boxes) const;
+  /// Nodes and instances of a pipeline text; ids that exist get a number, references among them follow.
+  std::vector<std::string> PasteXml(
+    const std::string& scope, const std::string& text, double x, double y, std::string& error);
+  ///@}
+
+  ///@{ Links. `from` is "node:array" or "@port".
+  /// Replaces what a port that takes one connection had.
+  bool Connect(const std::string& scope, const std::string& from, const std::string& box, const std::string& port,
+    bool delayed, bool repeatable, std::string& error);
+  /// The `index`-th input of the box, in the order of the document.
+  bool Disconnect(const std::string& scope, const std::string& box, int index);
+  /// Reads the input `index` of `box` anew from `from`.
+  bool Reconnect(const std::string& scope, const std::string& box, int index, const std::string& from);
+  bool SetDelay(const std::string& scope, const std::string& box, int index, bool delayed);
+  /// One step: `type` between a link's producer and its reader.
+  std::string InsertOnLink(const std::string& scope, const std::string& box, int index, const StageDescription& type,
+    int inPort, const std::string& outArray, double x, double y);
+  /// The same with a node that is there already.
+  bool PutOnLink(const std::string& scope, const std::string& box, int index, const std::string& node,
+    const StageDescription& type, int inPort, const std::string& outArray);
+  ///@}
+
+  ///@{ Values. `mergeKey`: changes with the same key in a row are one step, until EndMerge.
+  void SetProperty(const std::string& scope, const std::string& box, const std::string& name, const std::string& value,
+    bool merge = false);
+  void ResetProperty(const std::string& scope, const std::string& box, const std::string& name);
+  /// As written in the file; null where it is not.
+  const PipelineText* FindProperty(const std::string& scope, const std::string& box, const std::string& name) const;
+  void SetDoc(const std::string& scope, const std::string& box, const std::string& doc);
+  void SetPipelineDoc(const std::string& doc);
+  bool SetVariable(const std::string& name, const std::string& value, bool merge = false);
+  bool AddVariable(const std::string& name, const std::string& type, const std::string& value, std::string& error);
+  bool RemoveVariable(const std::string& name);
+  void SetTime(const std::string& first, const std::string& count, const std::string& rate);
+  std::string AddOutput(const std::string& from, double x, double y);
+  /// Attributes "file", "view", "display", "from".
+  bool SetOutput(const std::string& name, const std::string& attribute, const std::string& value, bool merge = false);
+  ///@}
+
+  ///@{ Looking things up
+  const PipelineNode* FindNode(const std::string& scope, const std::string& id) const;
+  const std::vector<PipelineNode>& Nodes(const std::string& scope) const;
+  const PipelineTemplate* FindTemplate(const std::string& name) const; ///< in this file and those it includes
+  bool IsEditable(const std::string& scope) const;                     ///< false for templates of included files
+  /// A name that is not taken yet in the scope: "blur", "blur2" ...
+  std::string FreeName(const std::string& scope, const std::string& hint) const;
+  ///@}
+
+  /// Grows with every change.
+  std::uint64_t Revision() const { return this->Count; }
+
+private:
+  struct State
+  {
+    std::shared_ptr<const PipelineDocument> Document;
+    PipelinePositions Positions;
+  };
+  struct Step
+  {
+    State Before;
+    std::string Label;
+  };
+  PipelineDocument& Begin(); ///< a copy to be changed
+  void Commit(const std::string& label, const std::string& mergeKey = std::string());
+  std::vector<PipelineNode>* EditNodes(PipelineDocument& d, const std::string& scope) const;
+  PipelineNode* EditNode(PipelineDocument& d, const std::string& scope, const std::string& id) const;
+  void Place(const std::string& scope, const std::string& box, double x, double y);
+
+  State Now;
+  std::shared_ptr<PipelineDocument> Draft;
+  PipelinePositions DraftPositions;
+  std::vector<Step> Undone, Redone; ///< Redone holds what Redo puts back
+  std::string MergeKey;
+  std::string Path, SavedText; ///< as it is on disk
+  std::shared_ptr<const PipelineDocument> SavedDocument;
+  PipelinePositions SavedPositions;
+  std::uint64_t Count = 0;
+};
+
+/// `svgf/atrous`: how a box is called in the file's positions.
+VTKQUELLVIEW_EXPORT std::string PositionKey(const std::string& scope, const std::string& box);
+/// Letters, digits, _ and -, beginning with a letter or _.
+VTKQUELLVIEW_EXPORT bool IsPipelineName(const std::string& name);
+}
+
+#endif
