@@ -134,10 +134,18 @@ int Run(int argc, char** argv)
   inspectApp->add_flag("--json", inspectJson, "As JSON");
 
   quell::CompareArguments compare;
-  CLI::App* compareApp = app.add_subcommand("compare", "Errors of an image against a reference");
-  compareApp->add_option("TEST", compare.Test, "Image file")->required();
-  compareApp->add_option("REFERENCE", compare.Reference, "Image file")->required();
-  compareApp->add_option("--layer", compare.Layer, "Array to compare, default radiance")->type_name("L");
+  CLI::App* compareApp = app.add_subcommand("compare", "Errors of an image or a sequence against a reference");
+  compareApp->add_option("TEST", compare.Test, "Image file; #### stands for the frame number of a sequence")
+    ->required();
+  compareApp->add_option("REFERENCE", compare.Reference, "Image file, or with #### one for each frame")->required();
+  compareApp
+    ->add_option("--layer", compare.Layers, "Array to compare, default radiance; all: every one that both files have")
+    ->type_name("L ...")
+    ->allow_extra_args(false);
+  compareApp->add_option("--frames", compare.Frames, "Frames A to B of a sequence; default all that are there")
+    ->type_name("A:B");
+  compareApp->add_flag("--percentiles", compare.Percentiles,
+    "Also what the first metric is at most in 50, 90, 99 and 99.9 % of the pixels");
   compareApp->add_option("--metric", compare.Metrics, "Metric to compute; may be given several times")
     ->type_name("NAME")
     ->allow_extra_args(false);
@@ -145,7 +153,10 @@ int Run(int argc, char** argv)
     ->type_name("NAME=VALUE")
     ->allow_extra_args(false);
   compareApp->add_flag("--json", compare.Json, "As JSON");
-  compareApp->add_option("--map", compare.Map, "Write the first metric's value of each pixel as a picture")
+  compareApp
+    ->add_option("--map", compare.Map,
+      "Write the first metric's value of each pixel as a picture (.exr: as numbers); "
+      "with several layers OUT.LAYER.png, of a sequence with #### one a frame")
     ->type_name("OUT.png");
 
   quell::VerifyArguments verify;

@@ -59,9 +59,9 @@ struct NodesArguments
 };
 struct CompareArguments
 {
-  std::string Test, Reference, Layer, Map;
-  std::vector<std::string> Metrics, Maxima;
-  bool Json = false;
+  std::string Test, Reference, Map, Frames;
+  std::vector<std::string> Layers, Metrics, Maxima;
+  bool Json = false, Percentiles = false;
 };
 
 struct VerifyArguments

@@ -2,12 +2,14 @@
 #include "quellRegisterMetrics.h"
 
 #include "quellStageRegistry.h"
+#include "vtkQuellCompareFrames.h"
 #include "vtkQuellCompareImages.h"
 
 namespace quell
 {
 void RegisterMetricsStages(StageRegistry& registry)
 {
+  registry.Add<vtkQuellCompareFrames>();
   registry.Add<vtkQuellCompareImages>();
 }
 }

@@ -52,7 +52,7 @@ private:
 
 /// "AMD EPYC, 2 processors".
 VTKQUELLPIPELINE_EXPORT std::string MachineText();
-/// "12.3 ms", "1.20 s".
+/// "1.9 us", "12.3 ms", "1.20 s".
 VTKQUELLPIPELINE_EXPORT std::string SecondsText(double seconds);
 }
 

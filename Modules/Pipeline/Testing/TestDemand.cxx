@@ -405,6 +405,47 @@ TEST_F(Explain, ThePlanIsWhatRuns)
     PlanDot(plan).find("\"blur\" -> \"acc\" [label=\"radiance\", style=dashed, constraint=false];"), std::string::npos);
 }
 
+TEST_F(Explain, CostsAreWhatWasMeasured)
+{
+  const auto graph = Load(Temporal);
+  PipelineExecutor executor(graph, pipelinetest::Registry());
+  CostModel model = CostModel::BuiltIn();
+  EXPECT_FALSE(model.IsOfThisMachine());
+  const vtkQuellStage* blur = executor.GetStage("blur");
+  ASSERT_NE(blur, nullptr);
+  EXPECT_LT(model.Seconds(*blur, "TestBox", 1000, 1), 0) << "nobody measured it";
+  // Twice 2 us on one thread and once 30 us on two: the median counts, in thread time.
+  model.Measure(*blur, "TestBox", 1000, 1, 2e-6);
+  model.Measure(*blur, "TestBox", 500, 2, 30e-6);
+  model.Measure(*blur, "TestBox", 2000, 1, 4e-6);
+  EXPECT_LT(model.Seconds(*blur, "TestBox", 1000, 1), 0) << "not settled yet";
+  EXPECT_EQ(model.Settle(), 1);
+  EXPECT_TRUE(model.IsOfThisMachine());
+  EXPECT_NEAR(model.Seconds(*blur, "TestBox", 4000, 1), 8e-6, 1e-12);
+  EXPECT_NEAR(model.Seconds(*blur, "TestBox", 4000, 2), 4e-6, 1e-12);
+  // Kept and read again.
+  const std::string file = ::testing::TempDir() + "quell-costs/costs.json";
+  model.Save(file);
+  std::string problem;
+  const CostModel again = CostModel::Load(file, problem);
+  EXPECT_EQ(problem, "");
+  EXPECT_TRUE(again.IsOfThisMachine());
+  EXPECT_EQ(again.Nanoseconds(), model.Nanoseconds());
+
+  ExecutionPlan plan = MakePlan(executor, {}, 0, 1);
+  EstimateCosts(plan, executor, again, 1);
+  int unknown = 0;
+  const double seconds = PlanSeconds(plan, unknown);
+  EXPECT_NEAR(seconds, 40 * 24 * 2e-9, 1e-12);
+  EXPECT_EQ(unknown,
+    int(std::count_if(plan.Nodes.begin(), plan.Nodes.end(), [](const PlannedNode& n) { return n.Executes; })) - 1);
+  const std::string text = PlanText(plan);
+  EXPECT_NE(text.find("    makes radiance (11.5 kB, about 1.9 us)\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("time: about 1.9 us a frame with 1 thread (without reading the scene; 3 nodes not known)\n"),
+    std::string::npos)
+    << text;
+}
+
 TEST_F(Explain, ARegionOutsideTheFrameIsRefused)
 {
   PipelineExecutor executor(Load(Temporal), pipelinetest::Registry());
