@@ -1278,13 +1278,20 @@ private:
     // The texts passed on the way here, each in its instance.
     this->Passed.resize(std::size_t(depth));
     const std::pair<const PipelineText*, const Instance*> here(r.From, r.In);
-    const bool loop = std::find(this->Passed.begin(), this->Passed.end(), here) != this->Passed.end();
-    if (loop || depth > MaximumPassages)
+    if (std::find(this->Passed.begin(), this->Passed.end(), here) != this->Passed.end())
     {
-      this->Error(r.From->Place, r.About,
-        Quoted(r.From->Value) +
-          (loop ? " leads back to itself through template ports"
-                : " leads through more than " + std::to_string(MaximumPassages) + " template ports"));
+      this->Error(r.From->Place, r.About, Quoted(r.From->Value) + " leads back to itself through template ports");
+      return { this->Unknown(r) };
+    }
+    if (depth > MaximumPassages)
+    {
+      // Whatever reads the same chain comes here too: once is enough.
+      if (!this->WayTooLong)
+      {
+        this->Error(r.From->Place, r.About,
+          Quoted(r.From->Value) + " leads through more than " + std::to_string(MaximumPassages) + " template ports");
+        this->WayTooLong = true;
+      }
       return { this->Unknown(r) };
     }
     this->Passed.push_back(here);
@@ -2567,6 +2574,7 @@ private:
   };
   std::map<std::pair<int, int>, PortUse> Connections; // (node, port)
   bool Overfull = false;                              ///< the expansion was given up
+  bool WayTooLong = false;
   std::size_t Work = 0, HintWork = 0;
 };
 }
