@@ -182,8 +182,9 @@ struct Endpoint
 {
   int Node = -1; ///< -1: unknown because of a mistake already reported
   std::string Array;
-  bool Delayed = false; ///< an instance's input on the way says delay="1"
-  Reference Origin;     ///< the innermost text that named the node
+  bool Delayed = false;  ///< an instance's input on the way says delay="1"
+  bool Optional = false; ///< one says optional="1"
+  Reference Origin;      ///< the innermost text that named the node
 };
 
 const char* const CommandLine = "command line";
@@ -1278,13 +1279,20 @@ private:
     // The texts passed on the way here, each in its instance.
     this->Passed.resize(std::size_t(depth));
     const std::pair<const PipelineText*, const Instance*> here(r.From, r.In);
-    const bool loop = std::find(this->Passed.begin(), this->Passed.end(), here) != this->Passed.end();
-    if (loop || depth > MaximumPassages)
+    if (std::find(this->Passed.begin(), this->Passed.end(), here) != this->Passed.end())
     {
-      this->Error(r.From->Place, r.About,
-        Quoted(r.From->Value) +
-          (loop ? " leads back to itself through template ports"
-                : " leads through more than " + std::to_string(MaximumPassages) + " template ports"));
+      this->Error(r.From->Place, r.About, Quoted(r.From->Value) + " leads back to itself through template ports");
+      return { this->Unknown(r) };
+    }
+    if (depth > MaximumPassages)
+    {
+      // Whatever reads the same chain comes here too: once is enough.
+      if (!this->WayTooLong)
+      {
+        this->Error(r.From->Place, r.About,
+          Quoted(r.From->Value) + " leads through more than " + std::to_string(MaximumPassages) + " template ports");
+        this->WayTooLong = true;
+      }
       return { this->Unknown(r) };
     }
     this->Passed.push_back(here);
@@ -1390,10 +1398,11 @@ private:
       {
         const Reference outer = this->InstanceInput(in, input);
         std::vector<Endpoint> more = this->Resolve(outer, depth + 1);
-        const bool delayed = this->IsDelayed(input, outer);
+        const bool delayed = this->IsDelayed(input, outer), optional = this->IsOptional(input, outer);
         for (Endpoint& e : more)
         {
           e.Delayed = e.Delayed || delayed;
+          e.Optional = e.Optional || optional;
         }
         ends.insert(ends.end(), more.begin(), more.end());
       }
@@ -1420,6 +1429,23 @@ private:
       return true;
     }
     return delayed;
+  }
+
+  bool IsOptional(const PipelineInput& input, const Reference& r)
+  {
+    if (!input.Optional.Given)
+    {
+      return false;
+    }
+    const Value value = this->Expand(input.Optional, r.In->Parameters, r.About);
+    bool optional = false;
+    std::string error;
+    if (value.Ok && !detail::ParseBool(value.Text, optional, error))
+    {
+      this->Error(input.Optional.Place, r.About, "optional = " + Quoted(value.Text) + " is neither 0 nor 1",
+        "optional=\"1\" leaves the input out where there is no such array");
+    }
+    return optional;
   }
 
   Reference InstanceInput(Instance& instance, const PipelineInput& input) const
@@ -1513,8 +1539,10 @@ private:
         }
         connected.insert(input.Port.Value);
         const Reference r = this->InstanceInput(instance, input);
-        for (const Endpoint& e : this->Resolve(r, 0))
+        const bool optional = this->IsOptional(input, r);
+        for (Endpoint& e : this->Resolve(r, 0))
         {
+          e.Optional = e.Optional || optional;
           this->Typed.push_back({ e, PortKind(*port->second), r, input.From.Place });
         }
       }
@@ -1592,22 +1620,12 @@ private:
         "a stage's first input (" + Quoted(port.Text) + " of " + node.Type + ") cannot be delayed",
         "it gives the frame its size; every other input may read the previous frame");
     }
-    bool optional = false;
-    if (input.Optional.Given)
+    bool optional = this->IsOptional(input, r);
+    if (optional && index == 0)
     {
-      const Value value = this->Expand(input.Optional, source.In->Parameters, r.About);
-      std::string error;
-      if (value.Ok && !detail::ParseBool(value.Text, optional, error))
-      {
-        this->Error(input.Optional.Place, r.About, "optional = " + Quoted(value.Text) + " is neither 0 nor 1",
-          "optional=\"1\" leaves the input out where there is no such array");
-      }
-      if (optional && index == 0)
-      {
-        this->Error(input.Optional.Place, r.About, "the first input of a stage cannot be optional",
-          "it gives the frame its size");
-        optional = false;
-      }
+      this->Error(
+        input.Optional.Place, r.About, "the first input of a stage cannot be optional", "it gives the frame its size");
+      optional = false;
     }
     const InputPort& spec = d.Inputs[std::size_t(index)];
     for (const Endpoint& end : ends)
@@ -1669,7 +1687,7 @@ private:
         }
         edge.Attributes.emplace_back(a.Name, value.Text);
       }
-      this->Ends.push_back({ n, int(node.Inputs.size()), end, r, optional });
+      this->Ends.push_back({ n, int(node.Inputs.size()), end, r, optional || end.Optional });
       this->AddEdge(n, std::move(edge));
     }
   }
@@ -2115,7 +2133,7 @@ private:
   }
 
   /// The array that a connection reads: named, or the producer's primary one. Null after a mistake (reported here).
-  const OutputArray* FindArrayOf(const Endpoint& end, std::string& array)
+  const OutputArray* FindArrayOf(const Endpoint& end, std::string& array, const InputPort* port = nullptr)
   {
     if (end.Node < 0)
     {
@@ -2146,16 +2164,49 @@ private:
     }
     if (available.Known && !this->Overfull)
     {
-      std::vector<std::string> names;
-      for (std::size_t i = 0; i < available.Arrays.size() && this->Hints(); ++i)
-      {
-        names.push_back(available.Arrays[i].Name);
-      }
-      const Reference& r = end.Origin;
-      this->Error(r.From->Place, r.About, this->NodeTitle(end.Node) + " has no output " + Quoted(array),
-        this->NearOr(array, names, "it has "));
+      const bool can = port && port->Optional && this->IsReader(end.Node);
+      this->Missing.push_back({ end.Origin, end.Node, array, can ? port->Name : std::string() });
     }
     return nullptr;
+  }
+
+  /// A node whose arrays hang on what is in a file.
+  bool IsReader(int n) const
+  {
+    const StageDescription& d = this->Result->Nodes[std::size_t(n)].Description();
+    return d.Inputs.empty() && d.FindProperty("File");
+  }
+
+  /// Arrays that are read and not there. A file may lack a dozen that a pipeline wants: all that it has is told once.
+  void ReportMissing()
+  {
+    std::stable_sort(this->Missing.begin(), this->Missing.end(),
+      [](const MissingArray& a, const MissingArray& b)
+      {
+        const SourceLocation &x = a.Origin.From->Place, &y = b.Origin.From->Place;
+        return x.Line != y.Line ? x.Line < y.Line : x.Column < y.Column;
+      });
+    std::set<int> listed;
+    for (const MissingArray& m : this->Missing)
+    {
+      std::vector<std::string> names;
+      const std::vector<OutputArray>& arrays = this->Availables[m.Node].Arrays;
+      for (std::size_t i = 0; i < arrays.size() && this->Hints(); ++i)
+      {
+        names.push_back(arrays[i].Name);
+      }
+      std::string hint = this->Near(m.Array, names);
+      if (hint.empty() && this->Hints() && listed.insert(m.Node).second)
+      {
+        hint = "it has " + Listed(names);
+      }
+      if (!m.Port.empty())
+      {
+        hint += (hint.empty() ? "" : "; ") + std::string("with optional=\"1\" the stage does without");
+      }
+      this->Error(
+        m.Origin.From->Place, m.Origin.About, this->NodeTitle(m.Node) + " has no output " + Quoted(m.Array), hint);
+    }
   }
 
   bool Lacks(const Endpoint& end)
@@ -2202,6 +2253,11 @@ private:
     const auto key = [](const SourceLocation& p) { return p.ToText(); };
     for (const TypedEnd& t : this->Typed)
     {
+      // Who reads the port says what it is without: below.
+      if (t.End.Optional && t.End.Node >= 0 && this->Lacks(t.End))
+      {
+        continue;
+      }
       std::string array;
       const OutputArray* found = this->FindArrayOf(t.End, array);
       if (found && !Fits(t.Kind, *found))
@@ -2225,6 +2281,7 @@ private:
         if (port.Optional)
         {
           node.LeftOut.push_back("input " + Quoted(port.Name) + " left out: " + why);
+          this->Lacking[p.End.Node].emplace_back(p.End.Array, p.Reader);
           dropped[p.Reader].insert(p.Edge);
         }
         else
@@ -2234,7 +2291,7 @@ private:
         }
         continue;
       }
-      const OutputArray* found = this->FindArrayOf(p.End, array);
+      const OutputArray* found = this->FindArrayOf(p.End, array, &node.Description().Inputs[std::size_t(edge.Port)]);
       edge.Array = array;
       if (!found || complained.count(key(p.End.Origin.From->Place)))
       {
@@ -2266,6 +2323,7 @@ private:
         output.Array = array;
       }
     }
+    this->ReportMissing();
   }
 
   // ---- loops and order ------------------------------------------------------------------------------------------
@@ -2471,6 +2529,10 @@ private:
         this->Say(Severity::Warning, t->Place, who, "is never instantiated");
       }
     }
+    for (const auto& producer : this->Lacking)
+    {
+      this->WarnOfLacking(producer.first, producer.second);
+    }
     std::vector<int> targets;
     for (const GraphOutput& o : this->Result->Outputs)
     {
@@ -2517,6 +2579,65 @@ private:
     }
   }
 
+  /// One sentence for all that a producer has not: arrays that the same nodes do without stand together.
+  void WarnOfLacking(int producer, const std::vector<std::pair<std::string, int>>& lacking)
+  {
+    if (std::size_t(producer) >= this->Result->Nodes.size())
+    {
+      return; // in a template that nobody instantiates
+    }
+    std::vector<std::pair<std::string, std::vector<std::string>>> readers; // array -> paths, as they come
+    for (const auto& l : lacking)
+    {
+      if (std::size_t(l.second) >= this->Result->Nodes.size())
+      {
+        continue;
+      }
+      auto at = std::find_if(readers.begin(), readers.end(), [&l](const auto& r) { return r.first == l.first; });
+      at = at == readers.end() ? readers.insert(at, { l.first, {} }) : at;
+      const std::string& path = this->Result->Nodes[std::size_t(l.second)].Path;
+      if (std::find(at->second.begin(), at->second.end(), path) == at->second.end())
+      {
+        at->second.push_back(path);
+      }
+    }
+    std::string text;
+    while (!readers.empty())
+    {
+      const std::vector<std::string> who = readers.front().second;
+      std::string arrays;
+      for (auto r = readers.begin(); r != readers.end();)
+      {
+        if (r->second == who)
+        {
+          arrays += (arrays.empty() ? "" : ", ") + r->first;
+          r = readers.erase(r);
+        }
+        else
+        {
+          ++r;
+        }
+      }
+      text += (text.empty() ? "has no " : "; no ") + arrays + ": " + Listed(who, 8) +
+              (who.size() > 1 ? " do" : " does") + " without";
+    }
+    const GraphNode& node = this->Result->Nodes[std::size_t(producer)];
+    Who about;
+    about.Where = "node " + Quoted(node.Path) + " (" + node.Type + ")";
+    about.Node = node.Path;
+    about.Context = node.Context;
+    if (!text.empty())
+    {
+      this->Say(Severity::Warning, node.Place, about, text);
+    }
+  }
+
+  struct MissingArray
+  {
+    Reference Origin;
+    int Node;
+    std::string Array, Port; ///< Port: named where its stage can do without
+  };
   struct TypedEnd
   {
     Endpoint End;
@@ -2567,6 +2688,9 @@ private:
   };
   std::map<std::pair<int, int>, PortUse> Connections; // (node, port)
   bool Overfull = false;                              ///< the expansion was given up
+  bool WayTooLong = false;
+  std::map<int, std::vector<std::pair<std::string, int>>> Lacking; ///< producer -> (array it has not, who does without)
+  std::vector<MissingArray> Missing;
   std::size_t Work = 0, HintWork = 0;
 };
 }

@@ -73,7 +73,7 @@ const ElementRule& ParameterOfInstance()
 // <input> of an instance: the template's port has no attributes of its own.
 const ElementRule& InputOfInstance()
 {
-  static const ElementRule rule{ "input", { "port", "from" }, { "delay" }, {} };
+  static const ElementRule rule{ "input", { "port", "from" }, { "delay", "optional" }, {} };
   return rule;
 }
 

@@ -243,10 +243,12 @@ void WriteNodeTypes(Schema& s, const StageRegistry& registry, const std::string&
   s.EndType();
   s.BeginType(inner + "InstanceInput", "Connects a port of the template to node:array" +
                                          std::string(inner.empty() ? "" : ", or @port of this template") +
-                                         "; delay=1 reads the previous frame.");
+                                         "; delay=1 reads the previous frame; optional=1 leaves out what the template connects to the port where the node "
+      "has no such array.");
   s.Attribute("port", true, "Name");
   s.Attribute("from", true, link);
   s.Attribute("delay", false, "Flag");
+  s.Attribute("optional", false, "Flag");
   s.EndType();
 }
 }

@@ -156,7 +156,7 @@ struct Builder
     {
       if (++count > b.Limits.Attributes)
       {
-        b.Stop("an element with more than " + std::to_string(b.Limits.Attributes) + " attributes");
+        b.Stop("the element has more than " + std::to_string(b.Limits.Attributes) + " attributes");
         return;
       }
       if (!b.CheckName(a[0]))

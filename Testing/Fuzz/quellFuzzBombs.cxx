@@ -69,7 +69,7 @@ std::vector<FuzzBomb> FuzzBombs()
     "a name of more than 256 characters");
   add("many attributes",
     "<pipeline version=\"1\" " + Each(500000, [](std::size_t i) { return "a" + S(i) + "=\"\" "; }) + "/>",
-    "more than 64 attributes");
+    "the element has more than 64 attributes");
   add("long text", Pipeline(std::string(std::size_t(15) << 20, 'x')), "does not belong here");
   add("not closed", "<pipeline version=\"1\" doc=\"" + std::string(std::size_t(15) << 20, '<'), "not well-formed XML");
   add("values that double",

@@ -135,9 +135,10 @@ TEST(Schema, AcceptsWhatTheReaderAccepts)
                                  "from=\"pt:albedo\" optional=\" 1 \"/>") },
     { "template and instance", Instance("<parameter name=\"r\" value=\"3\"/>") },
     { "a delay of an instance that is none",
-      Pipeline(Template + Pt +
-               "<instance id=\"i\" template=\"t\"><input port=\"in\" from=\"pt\" delay=\" 0 \"/></instance>" +
-               "<output name=\"o\" from=\"i\"/>") },
+      Pipeline(
+        Template + Pt +
+        "<instance id=\"i\" template=\"t\"><input port=\"in\" from=\"pt\" delay=\" 0 \" optional=\"1\"/></instance>" +
+        "<output name=\"o\" from=\"i\"/>") },
     { "templates in templates, links into them",
       Pipeline(
         Template +
@@ -229,7 +230,7 @@ TEST(Schema, RefusesWhatTheReaderRefuses)
     { "input attribute nobody has", Node("<input port=\"guide\" from=\"pt:normal\" sgima=\"1\"/>") },
     { "instance without template", Instance("", "id=\"i\"") },
     { "instance's template is no name", Instance("", "id=\"i\" template=\"a b\"") },
-    { "optional input of an instance", Instance("<input port=\"in\" from=\"pt\" optional=\"1\"/>") },
+    { "optional of an instance", Instance("<input port=\"in\" from=\"pt\" optional=\"maybe\"/>") },
     { "parameter twice", Instance("<parameter name=\"r\" value=\"1\"/><parameter name=\"r\" value=\"2\"/>") },
     { "template twice", Pipeline(Template + Template) },
     { "template name", Pipeline("<template name=\"a/b\"/>") },

@@ -131,7 +131,8 @@ TEST(Diagnostics, Connections)
     "cannot be delayed; it gives the frame its "
     "size; every other input may read the previous frame\n");
   // Optional connections are left out where there is no such array; required ones cannot be.
-  EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:velocity\" optional=\"1\"/>")), "");
+  EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:velocity\" optional=\"1\"/>")),
+    "p.xml:2:1: warning: node \"pt\" (TestSource): has no velocity: b does without\n");
   EXPECT_EQ(Messages(Box("<input port=\"normal\" from=\"pt:normal\" optional=\"yes\"/>")),
     "p.xml:3:110: error: node \"b\" (TestBox): input \"normal\": optional = \"yes\" is neither 0 nor 1; optional=\"1\" "
     "leaves the input "
@@ -378,6 +379,53 @@ TEST(Diagnostics, AnInstanceInputMayBeDelayed)
   const std::string bad = use(" delay=\"2\"");
   EXPECT_NE(bad.find("delay = \"2\" is neither 0 nor 1"), std::string::npos);
   EXPECT_EQ(bad.find("cycle"), std::string::npos) << bad;
+}
+
+TEST(Diagnostics, WhatAFileLacks)
+{
+  // A file that has radiance, foreign and weight: what the pipeline does without is one warning, the rest is told where
+  // it is asked for, with all that there is once.
+  const std::string r = "<node id=\"r\" type=\"TestReader\"><property name=\"File\" value=\"f\"/></node>\n";
+  const std::string box =
+    "<template name=\"t\"><port name=\"in\"/><port name=\"n\"/><node id=\"b\" type=\"TestBox\"><input "
+    "port=\"radiance\" from=\"@in\"/><input port=\"normal\" from=\"@n\"/></node><port name=\"out\" "
+    "from=\"b\"/></template>\n";
+  const auto use = [&](const std::string& in, const std::string& n)
+  {
+    return Messages(r + box + "<instance id=\"i\" template=\"t\"><input port=\"in\" from=\"r:" + in +
+                    "/><input port=\"n\" from=\"r:" + n + "/></instance>\n<output name=\"o\" from=\"i\"/>");
+  };
+  EXPECT_EQ(use("radiance\"", "surface\" optional=\"1\""),
+    "p.xml:2:1: warning: node \"r\" (TestReader): has no surface: i/b does without\n");
+  EXPECT_EQ(use("radiance\"", "surface\""), "p.xml:4:83: error: instance \"i\" (template \"t\"): input \"n\": node "
+                                            "\"r\" has no output \"surface\"; it has radiance, foreign, weight\n");
+  EXPECT_EQ(use("radiance\"", "surface\" optional=\"perhaps\""),
+    "p.xml:4:83: error: instance \"i\" (template \"t\"): input \"n\": node \"r\" has no output \"surface\"; it has "
+    "radiance, foreign, weight\np.xml:4:100: error: instance \"i\" (template \"t\"): input \"n\": optional = "
+    "\"perhaps\" is neither 0 nor 1; optional=\"1\" leaves the input out where there is no such array\n");
+  // The template's node needs it.
+  EXPECT_EQ(use("colour\" optional=\"1\"", "surface\" optional=\"1\""),
+    "p.xml:3:104: error: node \"b\" (TestBox): input \"radiance\": is required, but node \"r\" has no array "
+    "\"colour\"; optional=\"1\" is for inputs that the stage can do without\n  in instance \"i\" at p.xml:4:1, from "
+    "template \"t\" at p.xml:3:1\n");
+  EXPECT_EQ(Messages(r + "<node id=\"a\" type=\"TestBox\"><input port=\"radiance\" from=\"r\"/><input port=\"normal\" "
+                         "from=\"r:surface\"/></node>\n"
+                         "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"r:colour\"/><input "
+                         "port=\"normal\" from=\"r:surface\"/></node>\n"
+                         "<output name=\"o\" from=\"a\"/><output name=\"p\" from=\"b\"/>"),
+    "p.xml:3:83: error: node \"a\" (TestBox): input \"normal\": node \"r\" has no output \"surface\"; it has radiance, "
+    "foreign, weight; with optional=\"1\" the stage does without\np.xml:4:52: error: node \"b\" (TestBox): input "
+    "\"radiance\": node \"r\" has no output \"colour\"\np.xml:4:90: error: node \"b\" (TestBox): input \"normal\": "
+    "node \"r\" has no output \"surface\"; with optional=\"1\" the stage does without\n");
+  EXPECT_EQ(
+    Messages(r + "<node id=\"a\" type=\"TestBox\"><input port=\"radiance\" from=\"r\"/><input port=\"normal\" "
+                 "from=\"r:surface\" optional=\"1\"/></node>\n"
+                 "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"r\"/><input port=\"normal\" "
+                 "from=\"r:surface\" optional=\"1\"/></node>\n"
+                 "<node id=\"c\" type=\"TestBox\"><input port=\"radiance\" from=\"r\"/><input port=\"normal\" "
+                 "from=\"r:up\" optional=\"1\"/></node>\n"
+                 "<output name=\"o\" from=\"a\"/><output name=\"p\" from=\"b\"/><output name=\"q\" from=\"c\"/>"),
+    "p.xml:2:1: warning: node \"r\" (TestReader): has no surface: a, b do without; no up: c does without\n");
 }
 
 TEST(Diagnostics, ABadPropertyDoesNotHideOtherMistakes)
