@@ -28,7 +28,8 @@ void vtkQuellSampleFilter::Describe(quell::StageDescription& d)
   d.Category = "Denoising";
   d.Brief = "Cross-bilateral filter of individual samples, averaged to pixels afterwards.";
   d.Details =
-    "Connect N samples per pixel as N frames (sources with `SamplesPerPixel` 1 and `FirstSample` 0 ... N - 1), every "
+    "Connect N samples per pixel as N frames (sources with `SamplesPerPixel` 1, `FirstSample` 0 ... N - 1 and, over "
+    "several frames, `SamplesPerTick` N), every "
     "port in the same order. `C'(p) = 1/N sum_t F(p, t)`; `F(p, t)` is the mean of the neighbours' samples, weighted "
     "by distance and by how far their own normal, depth, albedo and id are from those of sample t: `w = "
     "exp(-(|q-p|^2 / 2 ss^2 + |n-n'|^2 / 2 sn^2 + (ln z/z')^2 / 2 sd^2 + |a-a'|^2 / 2 sa^2))`. With `Pairs` Same, "

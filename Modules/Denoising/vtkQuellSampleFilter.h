@@ -5,7 +5,8 @@
  *
  * Formula and rules in quellSampleFilter.h. Inputs, all repeatable, one connection per sample and in the same order:
  * radiance (port 0); optional depth, normal, albedo, id, each with as many connections as radiance or none. Output:
- * radiance. A sample is a frame of a source with SamplesPerPixel = 1 and its own FirstSample.
+ * radiance. A sample is a frame of a source with SamplesPerPixel = 1 and its own FirstSample;
+ * SamplesPerTick = N keeps the samples of successive frames apart.
  *
  * With one connection this is the pixel-based filter; with several, pixels that hold more than one surface (edges,
  * depth of field, motion blur) keep their parts, and textures may be divided out sample by sample (Demodulate). Costs N

@@ -226,7 +226,8 @@ void Integrator::Render(Film& film, const Rect& part, int first, int count, Trac
     const int begin = guidesOnly ? 0 : first, end = guidesOnly ? this->GuideSamples : first + count;
     b.SamplesPerPixel = guidesOnly ? this->GuideSamples : this->SamplesPerPixel;
     const int before = guidesOnly ? 0 : this->FirstSample;
-    const std::uint32_t base = std::uint32_t(this->Tick) * std::uint32_t(b.SamplesPerPixel) + std::uint32_t(before);
+    const int stride = guidesOnly || this->SamplesPerTick == 0 ? b.SamplesPerPixel : this->SamplesPerTick;
+    const std::uint32_t base = std::uint32_t(this->Tick) * std::uint32_t(stride) + std::uint32_t(before);
     b.Seed = guidesOnly ? sampling::Mix64(this->Seed ^ 0x6a09e667f3bcc909ull) : this->Seed;
     b.Wanted[0] = !guidesOnly && film.WantsEmission();
     b.Wanted[1] = !guidesOnly && film.WantsDirect();

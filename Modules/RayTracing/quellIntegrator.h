@@ -54,7 +54,8 @@ public:
   std::uint64_t Seed = 0;
   SamplePattern Pattern = SamplePattern::Sobol;
   int Tick = 0, SamplesPerPixel = 1, FirstSample = 0;
-  float SampleClamp = 0; ///< longest RGB length of a sample's direct and of its indirect layer; 0: no clamp
+  int SamplesPerTick = 0; ///< of the sequence, from one tick to the next; 0: SamplesPerPixel
+  float SampleClamp = 0;  ///< longest RGB length of a sample's direct and of its indirect layer; 0: no clamp
   Jitter PixelJitter = Jitter::PerSample;
   PixelFilter Filter;   ///< density of the samples around the pixel's centre, with Jitter::PerSample
   bool Shutter = false; ///< the shutter is open for more than a moment: rays have times in [0, 1)

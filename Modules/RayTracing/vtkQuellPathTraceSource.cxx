@@ -183,6 +183,9 @@ void vtkQuellPathTraceSource::Describe(quell::StageDescription& d)
   QUELL_INT(d, Height, "pixels", "frame height; 0: the scene's resolution, else 256");
   QUELL_INT(d, SamplesPerPixel, "samples", "camera paths per pixel and frame");
   QUELL_INT(d, FirstSample, "samples", "samples of the sequence to skip, to continue an earlier image");
+  QUELL_INT(d, SamplesPerTick, "samples",
+    "of the sequence from one frame to the next; 0: SamplesPerPixel. N sources of one sample (FirstSample 0 to N - 1) "
+    "want N");
   QUELL_INT(d, MaximumBounces, "scatterings",
     "0: emission only, 1: direct light, 2: one indirect bounce ...; -1: the scene's max_depth - 1, else 6");
   QUELL_INT(d, RussianRouletteStart, "scatterings", "scatterings before paths end by chance");
@@ -784,6 +787,7 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   integrator.Tick = tick;
   integrator.SamplesPerPixel = target;
   integrator.FirstSample = this->FirstSample;
+  integrator.SamplesPerTick = this->SamplesPerTick;
   integrator.SampleClamp = float(this->SampleClamp);
   integrator.Pattern = quell::SamplePattern(this->SamplePattern);
   integrator.PixelJitter = quell::Integrator::Jitter(this->PixelJitter);
@@ -801,7 +805,8 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
 
   // Everything the pixels depend on. Of the numbers of samples only where the sequence begins: how far it goes is
   // Traced::Samples.
-  const std::uint32_t first = std::uint32_t(tick) * std::uint32_t(target) + std::uint32_t(this->FirstSample);
+  const int stride = this->SamplesPerTick ? this->SamplesPerTick : target;
+  const std::uint32_t first = std::uint32_t(tick) * std::uint32_t(stride) + std::uint32_t(this->FirstSample);
   std::string shared = std::to_string(tick) + ' ' + std::to_string(rate) + ' ' + std::to_string(whole.width()) + 'x' +
                        std::to_string(whole.height()) + ' ' + std::to_string(first);
   if (integrator.Pattern == quell::SamplePattern::BlueNoise)
@@ -819,7 +824,7 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   std::string persistentKey = in.Hash + ' ' + shared;
   for (const quell::Property& p : this->GetDescription().Properties)
   {
-    if (p.Name == "SamplesPerPixel" || p.Name == "FirstSample")
+    if (p.Name == "SamplesPerPixel" || p.Name == "FirstSample" || p.Name == "SamplesPerTick")
       continue;
     const std::string text = '\n' + p.GetText(this);
     key += text;

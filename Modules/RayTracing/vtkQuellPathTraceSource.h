@@ -6,7 +6,9 @@
  * Unidirectional path tracing with light and BSDF samples combined by the power heuristic (Veach 1997) and
  * Owen-scrambled Sobol points. Every random number is a function of (seed, tick, sample, pixel of the whole frame,
  * decision), so an image does not depend on region, tiles, threads or passes. Sample s of tick t uses point t *
- * SamplesPerPixel + FirstSample + s of the pixel's sequence: frames accumulated over time stay stratified.
+ * SamplesPerPixel + FirstSample + s of the pixel's sequence: frames accumulated over time stay stratified. Where
+ * several sources take single samples of one pixel (FirstSample 0, 1 ...), SamplesPerTick replaces SamplesPerPixel
+ * there.
  *
  * **Outputs** (row 0 at the bottom). Means over the pixel's samples, unless said otherwise:
  * - radiance = emission + direct + indirect: light after 0, 1, more non-delta scatterings.
@@ -145,6 +147,12 @@ public:
   vtkGetMacro(FirstSample, int);
   ///@}
   ///@{
+  /// Samples of the sequence from one tick to the next: as many as all sources that share a pixel's sequence take
+  /// together, so that the frames of none overlap the others'. Default 0: SamplesPerPixel.
+  vtkSetClampMacro(SamplesPerTick, int, 0, 1 << 20);
+  vtkGetMacro(SamplesPerTick, int);
+  ///@}
+  ///@{
   /// Scatterings of a path: 0 emission only, 1 direct light, 2 one indirect bounce ... Mirrors and glass count. -1
   /// (default): the scene's extras.max_depth - 1, else 6. [-1, 1024]
   vtkSetClampMacro(MaximumBounces, int, -1, 1024);
@@ -273,8 +281,10 @@ private:
     quell::StageFrame& frame, std::vector<std::unique_ptr<Traced>>& work, const quell::Integrator& integrator);
 
   std::string Scene, Camera, Animation, Environment;
-  int Width = 0, Height = 0, SamplesPerPixel = 1, FirstSample = 0, MaximumBounces = -1, RussianRouletteStart = 3;
-  int Seed = 0, PixelJitter = PerSample, DefaultSky = WhenDark, LensBlades = 0, PixelFilter = Box, GuideSamples = 0, SamplePattern = 0, LightSelection = 0;
+  int Width = 0, Height = 0, SamplesPerPixel = 1, FirstSample = 0, SamplesPerTick = 0, MaximumBounces = -1,
+      RussianRouletteStart = 3;
+  int Seed = 0, PixelJitter = PerSample, DefaultSky = WhenDark, LensBlades = 0, PixelFilter = Box, GuideSamples = 0,
+      SamplePattern = 0, LightSelection = 0;
   bool HideBackFaces = false;
   double SampleClamp = 0, LensRadius = 0, FocusDistance = 0, ShutterTime = 0, FilterRadius = 0;
   std::size_t FilmMemory = std::size_t(1) << 28;
