@@ -71,7 +71,7 @@ void ApplyStyle(float scale)
   set(ImGuiCol_Button, ImVec4(0.21f, 0.22f, 0.24f, 1));
   set(ImGuiCol_ButtonHovered, ImVec4(0.27f, 0.29f, 0.32f, 1));
   set(ImGuiCol_ButtonActive, ImVec4(0.24f, 0.42f, 0.60f, 1));
-  set(ImGuiCol_Header, ImVec4(0.22f, 0.36f, 0.50f, 0.75f));
+  set(ImGuiCol_Header, ImVec4(0.22f, 0.31f, 0.40f, 0.7f));
   set(ImGuiCol_HeaderHovered, ImVec4(0.25f, 0.28f, 0.32f, 1));
   set(ImGuiCol_HeaderActive, ImVec4(0.26f, 0.42f, 0.58f, 1));
   set(ImGuiCol_Separator, Line, 0.7f);
@@ -320,7 +320,7 @@ const std::vector<HelpSection>& HelpSections()
     { 0, "Image",
       { { "wheel", "zoom at the pointer" }, { "drag", "pan" }, { "F  /  1", "fit  /  one pixel is one pixel" },
         { "click", "pin the pixel inspector, again to let go" }, { "+  -  0", "exposure up, down, none" },
-        { "C", "camera mode: drag orbits, Shift+drag pans, wheel dollies" }, { "H", "back to the scene's camera" } } },
+        { "C", "camera mode, and out of it: drag orbits," }, { "", "Shift+drag pans, the wheel dollies" }, { "H", "back to the scene's camera" } } },
     { 0, "Compare",
       { { "W", "wipe between A and B; drag the line" }, { "X", "flip between A and B" }, { "D", "difference" },
         { "K", "put the picture aside as B" } } },

@@ -41,7 +41,9 @@ bool IsScene(const std::string& file)
   return kinds.count(LowerExtension(file)) != 0;
 }
 
-std::string DataDirectory()
+}
+
+std::string Viewer::DataDirectory()
 {
   std::error_code ec;
   if (const char* dir = std::getenv("QUELL_DATA_DIR"))
@@ -52,13 +54,13 @@ std::string DataDirectory()
   const fs::path installed = program.parent_path().parent_path() / "share/quell";
   return fs::is_directory(installed, ec) ? installed.string() : std::string(QUELL_SOURCE_DATA_DIR);
 }
-}
 
 Viewer::Viewer(Window& window, const StageRegistry& registry, const Options& options)
   : Win(window)
   , Registry(registry)
   , Given(options)
   , Scale(window.Scale())
+  , Doc(&registry)
   , Session(new RenderSession(registry))
   , Present(new Presenter)
   , Views(DisplayMapper::Views())
@@ -215,7 +217,7 @@ bool Viewer::Open(const std::string& file)
     return true;
   }
   std::vector<Diagnostic> messages;
-  EditDocument opened;
+  EditDocument opened(&this->Registry);
   if (!opened.Open(file, messages))
   {
     this->OpenErrors = messages;
@@ -479,6 +481,16 @@ void Viewer::UpdateWish()
       w.Targets.push_back(b);
     }
   }
+  if (this->CameraMode && this->LastGood)
+  {
+    // What a drag turns around.
+    const auto known = this->LastGood->Arrays.find(w.Targets.front().Node);
+    if (known != this->LastGood->Arrays.end() &&
+        std::any_of(known->second.begin(), known->second.end(), [](const OutputArray& a) { return a.Name == "depth"; }))
+    {
+      w.Targets.push_back({ w.Targets.front().Node, "depth" });
+    }
+  }
   w.AllArrays = this->WantAllArrays;
   w.History = this->History;
   w.Play = this->Playing;
@@ -507,6 +519,13 @@ void Viewer::TakeResults()
     if (latest->Ok)
     {
       this->LastGood = latest;
+      for (const ViewFrame::Node& n : latest->Nodes)
+      {
+        if (n.Counters.Executions > 0)
+        {
+          this->Points.Learn(n.Path, n.Counters.Seconds);
+        }
+      }
       if (this->Playing && !this->Camera)
       {
         this->Tick = latest->Tick;
@@ -615,7 +634,7 @@ void Viewer::Mark(const std::string& name)
 
 void Viewer::Tooltip(const std::string& text)
 {
-  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) && !text.empty())
+  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) && !text.empty() && !ImGui::IsMouseDown(0))
   {
     ShowTooltip(text, this->S(360));
   }
@@ -1286,9 +1305,17 @@ void Viewer::TimelineBar()
   ImGui::SetNextItemWidth(std::max(this->S(80), ImGui::GetContentRegionAvail().x - this->S(230)));
   ImGui::BeginDisabled(!many);
   int tick = this->Tick;
-  if (ImGui::SliderInt("##tick", &tick, ticks.First, std::max(last, ticks.First + 1), many ? "frame %d" : "one frame"))
+  if (!many)
+  {
+    ImGui::PushStyleColor(ImGuiCol_SliderGrab, ImVec4(0, 0, 0, 0));
+  }
+  if (ImGui::SliderInt("##tick", &tick, ticks.First, std::max(last, ticks.First + 1), many ? "frame %d" : ""))
   {
     go(tick);
+  }
+  if (!many)
+  {
+    ImGui::PopStyleColor();
   }
   this->Mark("time/slider");
   ImGui::EndDisabled();
@@ -1576,27 +1603,36 @@ void Viewer::FileDialog()
 
 void Viewer::HelpOverlay()
 {
-  if (!this->ShowHelp)
+  if (!this->ShowHelp && !ImGui::IsPopupOpen("##help"))
   {
     return;
   }
   const ImGuiIO& io = ImGui::GetIO();
   ImGui::SetNextWindowPos(ImVec2(io.DisplaySize.x / 2, io.DisplaySize.y / 2), ImGuiCond_Always, ImVec2(0.5f, 0.5f));
   ImGui::SetNextWindowSize(
-    ImVec2(std::min(this->S(900), io.DisplaySize.x - this->S(40)), std::min(this->S(620), io.DisplaySize.y - this->S(40))));
-  ImGui::SetNextWindowFocus();
-  ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(22), this->S(18)));
-  ImGui::Begin("##help", nullptr,
-    ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
-      ImGuiWindowFlags_NoSavedSettings);
+    ImVec2(std::min(this->S(920), io.DisplaySize.x - this->S(40)), std::min(this->S(560), io.DisplaySize.y - this->S(40))));
+  // Everything else steps back.
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(24), this->S(20)));
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, this->S(6));
+  if (!ImGui::IsPopupOpen("##help"))
+  {
+    ImGui::OpenPopup("##help");
+  }
+  if (!ImGui::BeginPopupModal("##help", nullptr,
+        ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings))
+  {
+    ImGui::PopStyleVar(2);
+    return;
+  }
   Heading(this->Win, "Keys and gestures");
-  ImGui::SameLine(ImGui::GetWindowWidth() - this->S(90));
+  ImGui::SameLine(ImGui::GetWindowWidth() - this->S(24) - this->S(52));
   if (ImGui::SmallButton("Close"))
   {
     this->ShowHelp = false;
   }
   this->Mark("help/close");
-  if (ImGui::BeginTable("help", 2, ImGuiTableFlags_None))
+  ImGui::Dummy(ImVec2(0, this->S(6)));
+  if (ImGui::BeginTable("help", 2, ImGuiTableFlags_SizingStretchSame))
   {
     int column = -1;
     for (const HelpSection& section : HelpSections())
@@ -1609,22 +1645,26 @@ void Viewer::HelpOverlay()
       ImGui::PushFont(this->Win.Bold());
       ImGui::TextColored(Colors::Accent, "%s", section.Title);
       ImGui::PopFont();
+      ImGui::PushFont(this->Win.Small());
       for (const auto& line : section.Lines)
       {
-        ImGui::PushFont(this->Win.Small());
         const float x = ImGui::GetCursorPosX();
         ImGui::TextColored(Colors::Text, "%s", line.first);
         ImGui::SameLine();
-        ImGui::SetCursorPosX(x + this->S(150));
+        ImGui::SetCursorPosX(x + this->S(128));
         ImGui::TextColored(Colors::Dim, "%s", line.second);
-        ImGui::PopFont();
       }
-      ImGui::Dummy(ImVec2(0, this->S(6)));
+      ImGui::PopFont();
+      ImGui::Dummy(ImVec2(0, this->S(8)));
     }
     ImGui::EndTable();
   }
-  ImGui::End();
-  ImGui::PopStyleVar();
+  if (!this->ShowHelp)
+  {
+    ImGui::CloseCurrentPopup();
+  }
+  ImGui::EndPopup();
+  ImGui::PopStyleVar(2);
 }
 
 void Viewer::Ui()

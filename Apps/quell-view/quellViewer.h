@@ -73,6 +73,8 @@ public:
   bool NeedsFrame();
   void ShowTab(const std::string& tab) { this->WantedTab = tab; }
 
+  static std::string DataDirectory();
+
 private:
   // quellViewer.cxx
   void Shortcuts();
@@ -121,6 +123,7 @@ private:
   void PipelineTab();
   void TradeTab();
   void MessagesPanel(const ImVec2& min, const ImVec2& max);
+  void PropertyMenu(const std::string& scope, const std::string& box, const Property& row, const std::string& shown);
   std::string NodePathOf(const std::string& box) const;
   void AddTradePoint();
 
@@ -138,7 +141,7 @@ private:
   ImVec2 ToGraph(const ImVec2& screen) const;
   ImVec2 PinPosition(int box, int pin, bool output) const;
   void PaletteWindow();
-  void AddFromPalette(const std::string& type, bool isTemplate);
+  void AddFromPalette(const std::string& type, bool isTemplate, const std::string& library = std::string());
   void ArrangeAll();
   void FitGraph();
   void CopySelection(bool cut);
@@ -198,6 +201,8 @@ private:
   std::string Scope;
   GraphModel Model;
   std::vector<BoxLayout> Boxes;
+  std::vector<std::pair<double, double>> Arranged; ///< of a graph whose file has no places
+  std::string ArrangedKey;
   std::set<std::string> Selected;
   std::set<std::string> Expanded; ///< boxes whose outputs are all shown
   ImVec2 GraphOffset{ 0, 0 }, GraphMin{ 0, 0 }, GraphMax{ 0, 0 };
@@ -232,6 +237,7 @@ private:
   int PaletteLinkBox = -1, PaletteLinkPin = -1; ///< a link that was dropped on nothing
   bool PaletteLinkOutput = true;
   int PaletteOnLink = -1;
+  std::shared_ptr<const PipelineDocument> Library;
   std::string Renaming, RenameText;
   bool RenameFocus = false;
   std::string Clipboard;
@@ -255,7 +261,8 @@ private:
   bool AskUnsaved = false;
   std::string DialogPurpose, DialogTitle, DialogDirectory, DialogName, DialogExtensions;
   bool DialogOpen = false, DialogFocus = false;
-  std::string NewVariableName, PropertyError, PropertyErrorOf;
+  bool EditingDoc = false;
+  std::string NewVariableType = "int", NewVariableName, PropertyError, PropertyErrorOf;
   std::map<std::string, std::string> EditTexts;
   Marks ThisMarks, LastMarks;
   std::uint64_t Drawn = 0;

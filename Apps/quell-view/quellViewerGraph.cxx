@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The graph editor.
 #include "quellUi.h"
+#include "quellPipelineReader.h"
 #include "quellViewer.h"
 
 #include <imgui_internal.h>
@@ -16,21 +17,40 @@ namespace
 {
 const float BoxWidth = 176, HeaderHeight = 25, RowHeight = 18, FootHeight = 7, PinRadius = 4.5f;
 
-ImVec2 Bezier(const ImVec2& a, const ImVec2& b, const ImVec2& c, const ImVec2& d, float t)
+/// A point of a link's way and whether it goes on to the right (1) or to the left (-1) there.
+struct WayPoint
 {
-  return ImBezierCubicCalc(a, b, c, d, t);
+  ImVec2 At;
+  float Direction = 1;
+};
+
+/// A smooth line through the points, level in each of them.
+std::vector<ImVec2> Smooth(const std::vector<WayPoint>& way, float least, float z)
+{
+  std::vector<ImVec2> line;
+  for (std::size_t i = 0; i + 1 < way.size(); ++i)
+  {
+    const WayPoint &p = way[i], &q = way[i + 1];
+    const float dx = std::fabs(q.At.x - p.At.x), dy = std::fabs(q.At.y - p.At.y);
+    const float reach = p.Direction != q.Direction ? std::max(12 * z, std::min(60 * z, dy * 0.6f))
+                                                   : std::max(least, std::min(190 * z, dx * 0.5f));
+    const ImVec2 c1(p.At.x + p.Direction * reach, p.At.y), c2(q.At.x - q.Direction * reach, q.At.y);
+    const int steps = 20;
+    for (int k = line.empty() ? 0 : 1; k <= steps; ++k)
+    {
+      line.push_back(ImBezierCubicCalc(p.At, c1, c2, q.At, float(k) / steps));
+    }
+  }
+  return line;
 }
 
-float DistanceToCurve(const ImVec2& a, const ImVec2& b, const ImVec2& c, const ImVec2& d, const ImVec2& p)
+float DistanceToLine(const std::vector<ImVec2>& line, const ImVec2& p)
 {
   float best = 1e9f;
-  ImVec2 last = a;
-  for (int i = 1; i <= 24; ++i)
+  for (std::size_t i = 0; i + 1 < line.size(); ++i)
   {
-    const ImVec2 q = Bezier(a, b, c, d, float(i) / 24);
-    const ImVec2 near = ImLineClosestPoint(last, q, p);
+    const ImVec2 near = ImLineClosestPoint(line[i], line[i + 1], p);
     best = std::min(best, std::hypot(near.x - p.x, near.y - p.y));
-    last = q;
   }
   return best;
 }
@@ -165,12 +185,22 @@ void Viewer::PlaceNewBoxes()
   {
     return;
   }
-  const auto places = ArrangeGraph(this->Model, sizes);
   if (!any)
   {
+    // Arranged once; boxes stay where they are when one of them grows.
+    std::string key = this->Scope;
+    for (const GraphBox& b : this->Model.Boxes)
+    {
+      key += " " + b.Id;
+    }
+    if (key != this->ArrangedKey)
+    {
+      this->Arranged = ArrangeGraph(this->Model, sizes);
+      this->ArrangedKey = key;
+    }
     for (std::size_t i = 0; i < this->Boxes.size(); ++i)
     {
-      this->Boxes[i].Position = ImVec2(float(places[i].first), float(places[i].second));
+      this->Boxes[i].Position = ImVec2(float(this->Arranged[i].first), float(this->Arranged[i].second));
     }
     return;
   }
@@ -335,7 +365,7 @@ void Viewer::DuplicateSelection()
 }
 
 // ---- the palette ----------------------------------------------------------------------------------------------------
-void Viewer::AddFromPalette(const std::string& type, bool isTemplate)
+void Viewer::AddFromPalette(const std::string& type, bool isTemplate, const std::string& library)
 {
   const double x = double(this->PaletteAt.x), y = double(this->PaletteAt.y);
   std::string error;
@@ -353,6 +383,11 @@ void Viewer::AddFromPalette(const std::string& type, bool isTemplate)
   }
   if (isTemplate)
   {
+    if (!library.empty() && !this->Doc.AddInclude(this->RelativeToFile(library), error))
+    {
+      this->Tell(error, true);
+      return;
+    }
     this->Selected = { this->Doc.AddInstance(this->Scope, type, x, y) };
     this->PaletteLinkBox = -1;
     return;
@@ -473,7 +508,7 @@ void Viewer::PaletteWindow()
 
   struct Entry
   {
-    std::string Type, Brief, Category, Why;
+    std::string Type, Brief, Category, Library; ///< Library: a file that has to be included for it
     bool IsTemplate = false;
     int Score = 0;
   };
@@ -532,7 +567,29 @@ void Viewer::PaletteWindow()
     {
       for (const PipelineTemplate& t : i.Content ? i.Content->Templates : std::vector<PipelineTemplate>())
       {
-        Entry e{ t.Name.Value, "a template of " + i.File.Value, "Templates", "", true, 0 };
+        Entry e{ t.Name.Value, t.Doc.Given ? t.Doc.Value : "a template of " + i.File.Value, "Templates", "", true, 0 };
+        e.Score = MatchScore(t.Name.Value, this->PaletteSearch);
+        if (e.Score > 0)
+        {
+          entries.push_back(e);
+        }
+      }
+    }
+  }
+  if (!linked && this->PaletteOnLink < 0 && this->Scope.empty())
+  {
+    // The shipped library, which is included when something of it is taken.
+    const std::string library = DataDirectory() + "/Pipelines/library.xml";
+    if (!this->Library)
+    {
+      Diagnostics ignored;
+      this->Library = ReadPipelineFile(library, ignored);
+    }
+    for (const PipelineTemplate& t : this->Library->Templates)
+    {
+      if (!this->Doc.FindTemplate(t.Name.Value))
+      {
+        Entry e{ t.Name.Value, t.Doc.Value, "Templates", library, true, 0 };
         e.Score = MatchScore(t.Name.Value, this->PaletteSearch);
         if (e.Score > 0)
         {
@@ -597,14 +654,11 @@ void Viewer::PaletteWindow()
     ImGui::PushID(int(i));
     if (ImGui::Selectable("##entry", int(i) == this->PaletteChoice))
     {
-      this->AddFromPalette(e.Type, e.IsTemplate);
+      this->AddFromPalette(e.Type, e.IsTemplate, e.Library);
       chosen = true;
     }
     this->Mark("palette/" + e.Type);
-    if (const StageDescription* d = this->Registry.Describe(e.Type))
-    {
-      this->Tooltip(d->Brief);
-    }
+    this->Tooltip(e.Brief);
     if (int(i) == this->PaletteChoice && (this->Win.Pressed("Down") || this->Win.Pressed("Up")))
     {
       ImGui::SetScrollHereY();
@@ -631,7 +685,8 @@ void Viewer::PaletteWindow()
   ImGui::PopStyleVar();
   if (enter && !chosen && !entries.empty())
   {
-    this->AddFromPalette(entries[std::size_t(this->PaletteChoice)].Type, entries[std::size_t(this->PaletteChoice)].IsTemplate);
+    const Entry& e = entries[std::size_t(this->PaletteChoice)];
+    this->AddFromPalette(e.Type, e.IsTemplate, e.Library);
   }
   this->PaletteFocus = false;
   if (!this->PaletteOpen)
@@ -698,11 +753,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   const ImVec2 mouse = io.MousePos;
 
   // ---- where things are on the screen
-  struct Curve
-  {
-    ImVec2 A, B, C, D;
-  };
-  std::vector<Curve> curves(this->Model.Links.size());
+  // Links go around boxes that they have nothing to do with, and back below those they come from and lead to.
+  std::vector<std::vector<ImVec2>> curves(this->Model.Links.size());
   for (std::size_t i = 0; i < this->Model.Links.size(); ++i)
   {
     const GraphLink& l = this->Model.Links[i];
@@ -710,12 +762,59 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     {
       continue;
     }
-    Curve& c = curves[i];
-    c.A = this->ToScreen(this->PinPosition(l.From, l.FromPin, true));
-    c.D = this->ToScreen(this->PinPosition(l.To, l.ToPin, false));
-    const float reach = std::max(30 * z, std::min(180 * z, std::fabs(c.D.x - c.A.x) * 0.5f + (c.D.x < c.A.x ? 60 * z : 0)));
-    c.B = ImVec2(c.A.x + reach, c.A.y);
-    c.C = ImVec2(c.D.x - reach, c.D.y);
+    const ImVec2 from = this->ToScreen(this->PinPosition(l.From, l.FromPin, true));
+    const ImVec2 to = this->ToScreen(this->PinPosition(l.To, l.ToPin, false));
+    const auto corner = [&](int box, bool low)
+    {
+      const BoxLayout& b = this->Boxes[std::size_t(box)];
+      return this->ToScreen(low ? ImVec2(b.Position.x + b.Size.x, b.Position.y + b.Size.y) : b.Position);
+    };
+    std::vector<WayPoint> way{ { from, 1 }, { to, 1 } };
+    if (to.x < from.x + 8 * z)
+    {
+      const float y = std::max(corner(l.From, true).y, corner(l.To, true).y) + (14 + 5 * float(l.ToPin % 3)) * z;
+      way = { { from, 1 }, { ImVec2(from.x - 4 * z, y), -1 }, { ImVec2(to.x + 4 * z, y), -1 }, { to, 1 } };
+      if (l.From == l.To || std::fabs(from.x - to.x) < 40 * z)
+      {
+        way[1].At.x = from.x - 10 * z;
+        way[2].At.x = to.x + 10 * z;
+      }
+    }
+    else
+    {
+      ImVec2 low(1e9f, 1e9f), high(-1e9f, -1e9f);
+      for (int round = 0; round < 3; ++round)
+      {
+        const std::vector<ImVec2> line = Smooth(way, 30 * z, z);
+        bool crosses = false;
+        for (std::size_t b = 0; b < this->Boxes.size(); ++b)
+        {
+          if (int(b) == l.From || int(b) == l.To)
+          {
+            continue;
+          }
+          const ImVec2 p = corner(int(b), false), q = corner(int(b), true);
+          const bool hit = std::any_of(line.begin(), line.end(), [&](const ImVec2& v)
+            { return v.x > p.x && v.x < q.x && v.y > p.y - 2 * z && v.y < q.y + 2 * z; });
+          if (hit && p.x > from.x - 4 * z && q.x < to.x + 4 * z)
+          {
+            crosses = true;
+            low = ImVec2(std::min(low.x, p.x), std::min(low.y, p.y));
+            high = ImVec2(std::max(high.x, q.x), std::max(high.y, q.y));
+          }
+        }
+        if (!crosses)
+        {
+          break;
+        }
+        const float middle = (from.y + to.y) / 2, room = (7 + 4 * float(l.FromPin % 4)) * z;
+        const float above = low.y - room, below = high.y + room;
+        const float y = std::fabs(above - middle) < std::fabs(below - middle) ? above : below;
+        way = { { from, 1 }, { ImVec2(std::max(low.x - 4 * z, from.x + 10 * z), y), 1 },
+          { ImVec2(std::min(high.x + 4 * z, to.x - 10 * z), y), 1 }, { to, 1 } };
+      }
+    }
+    curves[i] = Smooth(way, (way.size() > 2 ? 14 : 30) * z, z);
   }
   int pinBox = -1, pin = -1, overBox = -1, overOutputRow = -1;
   bool pinIsOutput = false, overMore = false;
@@ -774,7 +873,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     {
       if (this->Model.Links[i].From >= 0 && this->Model.Links[i].ToPin >= 0)
       {
-        const float d = DistanceToCurve(curves[i].A, curves[i].B, curves[i].C, curves[i].D, mouse);
+        const float d = DistanceToLine(curves[i], mouse);
         if (d < nearest)
         {
           nearest = d;
@@ -1001,8 +1100,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         {
           continue;
         }
-        const float d = std::min(DistanceToCurve(curves[i].A, curves[i].B, curves[i].C, curves[i].D, middle),
-          DistanceToCurve(curves[i].A, curves[i].B, curves[i].C, curves[i].D, mouse) + 4 * z);
+        const float d = std::min(DistanceToLine(curves[i], middle), DistanceToLine(curves[i], mouse) + 4 * z);
         int port = 0;
         std::string array;
         if (d < nearest && this->Model.FitsOnLink(*b.Description, link, port, array, dropReason))
@@ -1158,28 +1256,33 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     const float alpha = bright ? 1.f : touched ? 0.95f : this->Selected.empty() ? 0.75f : 0.4f;
     const ImU32 colour = l.FromPin < 0 ? ImGui::GetColorU32(Colors::Error) : KindColor(kind, alpha);
     const float thick = (bright ? 3.4f : 2.f) * std::max(0.6f, z);
-    const Curve& c = curves[i];
+    const std::vector<ImVec2>& line = curves[i];
     if (!l.Delayed)
     {
-      list->AddBezierCubic(c.A, c.B, c.C, c.D, colour, thick);
+      list->AddPolyline(line.data(), int(line.size()), colour, 0, thick);
     }
     else
     {
       // Dashes: from the previous frame.
-      ImVec2 last = c.A;
-      for (int k = 1; k <= 44; ++k)
+      float along = 0;
+      for (std::size_t k = 0; k + 1 < line.size(); ++k)
       {
-        const ImVec2 q = Bezier(c.A, c.B, c.C, c.D, float(k) / 44);
-        if (k % 2)
+        const float length = std::hypot(line[k + 1].x - line[k].x, line[k + 1].y - line[k].y);
+        const int parts = std::max(1, int(length / (3 * std::max(0.5f, z))));
+        for (int n = 0; n < parts; ++n)
         {
-          list->AddLine(last, q, colour, thick);
+          const float u = float(n) / float(parts), v = float(n + 1) / float(parts);
+          if (std::fmod(along + u * length, 11 * z) < 6.5f * z)
+          {
+            list->AddLine(ImLerp(line[k], line[k + 1], u), ImLerp(line[k], line[k + 1], v), colour, thick);
+          }
         }
-        last = q;
+        along += length;
       }
     }
+    const ImVec2 half = line[line.size() / 2];
     this->MarkRect("link/" + this->Model.Boxes[std::size_t(l.To)].Id + "/" + std::to_string(l.Index),
-      ImVec2(Bezier(c.A, c.B, c.C, c.D, 0.5f).x - 2, Bezier(c.A, c.B, c.C, c.D, 0.5f).y - 2),
-      ImVec2(Bezier(c.A, c.B, c.C, c.D, 0.5f).x + 2, Bezier(c.A, c.B, c.C, c.D, 0.5f).y + 2));
+      ImVec2(half.x - 2, half.y - 2), ImVec2(half.x + 2, half.y + 2));
   }
   const ViewProgress progress = this->Session->Progress();
   const auto text = [&](const ImVec2& at, const std::string& s, ImU32 colour, float size, bool bold)
@@ -1461,7 +1564,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   if (this->Button("+ Node", "graph/add", "A node of the palette (Tab, or a double click on the canvas)", editable))
   {
     this->PaletteOpen = this->PaletteFocus = true;
-    this->PaletteScreen = ImVec2(min.x + this->S(8), min.y + this->S(36));
+    this->PaletteScreen = ImVec2(min.x + this->S(8), min.y + this->S(38));
     this->PaletteAt = this->ToGraph(ImVec2((min.x + end.x) / 2 - 88 * z, (min.y + end.y) / 2 - 30 * z));
     this->PaletteSearch.clear();
     this->PaletteChoice = 0;

@@ -55,6 +55,58 @@ std::string Viewer::NodePathOf(const std::string& box) const
   return {};
 }
 
+void Viewer::PropertyMenu(
+  const std::string& scope, const std::string& box, const Property& row, const std::string& shown)
+{
+  if (!ImGui::BeginPopupContextItem("menu"))
+  {
+    return;
+  }
+  const PipelineText* written = this->Doc.FindProperty(scope, box, row.Name);
+  if (ImGui::MenuItem("Back to the default", row.DefaultText.c_str(), false, written != nullptr))
+  {
+    this->Doc.ResetProperty(scope, box, row.Name);
+  }
+  this->Mark("menu/reset");
+  ImGui::Separator();
+  const bool node = this->Doc.FindNode(scope, box) && !this->Doc.FindNode(scope, box)->IsInstance;
+  if (ImGui::MenuItem("Make it a variable", nullptr, false, scope.empty() && node && !IsVariable(shown)))
+  {
+    const std::string name = this->Doc.MakeVariable(scope, box, row, shown);
+    this->Tell("variable " + name + "; see Pipeline");
+  }
+  this->Mark("menu/make-variable");
+  std::vector<std::pair<std::string, std::string>> names;
+  if (!scope.empty())
+  {
+    if (const PipelineTemplate* t = this->Doc.FindTemplate(scope))
+    {
+      for (const PipelineVariable& v : t->Parameters)
+      {
+        names.emplace_back(v.Name.Value, v.Default.Value);
+      }
+    }
+  }
+  for (const PipelineVariable& v : this->Doc.Get()->Variables)
+  {
+    names.emplace_back(v.Name.Value, v.Default.Value);
+  }
+  if (ImGui::BeginMenu("Read a variable", !names.empty()))
+  {
+    for (const auto& v : names)
+    {
+      if (ImGui::MenuItem(v.first.c_str(), v.second.c_str()))
+      {
+        this->Doc.SetProperty(scope, box, row.Name, "$(" + v.first + ")");
+      }
+      this->Mark("menu/variable/" + v.first);
+    }
+    ImGui::EndMenu();
+  }
+  this->Mark("menu/variables");
+  ImGui::EndPopup();
+}
+
 void Viewer::PropertyRow(
   const std::string& scope, const std::string& box, const Property& row, const std::string& nowText)
 {
@@ -68,12 +120,21 @@ void Viewer::PropertyRow(
   const float labelWidth = ImGui::GetContentRegionAvail().x;
   ImGui::TextColored(written ? Colors::Text : Colors::Dim, "%s", Fitted(row.Name, labelWidth).c_str());
   ImGui::PopFont();
+  this->Mark("label/" + row.Name);
+  if (this->Doc.IsEditable(scope))
+  {
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(8), this->S(6)));
+    this->PropertyMenu(scope, box, row, written ? written->Value : row.DefaultText);
+    ImGui::PopStyleVar();
+    // What the menu may have changed.
+    written = this->Doc.FindProperty(scope, box, row.Name);
+  }
   std::string range = RangeOf(row);
   this->Tooltip(row.Name + (row.Unit.empty() ? "" : "  [" + row.Unit + "]") + "\n" + row.Doc + "\n" +
                 (range.empty() ? "" : "range " + range + ", ") + "default " +
-                (row.DefaultText.empty() ? "empty" : row.DefaultText));
+                (row.DefaultText.empty() ? "empty" : row.DefaultText) + "\nright click: variables");
   ImGui::TableNextColumn();
-  const float reset = ImGui::GetFrameHeight() + this->S(2);
+  const float reset = ImGui::GetFrameHeight() + this->S(8);
   const bool editable = this->Doc.IsEditable(scope);
   const auto set = [&](const std::string& text, bool merge)
   {
@@ -454,7 +515,10 @@ void Viewer::PropertiesTab()
     {
       ImGui::Dummy(ImVec2(0, this->S(4)));
       ImGui::PushFont(this->Win.Small());
-      if (ImGui::CollapsingHeader("Inputs"))
+      ImGui::PushStyleColor(ImGuiCol_Header, ImGui::GetStyleColorVec4(ImGuiCol_Button));
+      const bool open = ImGui::CollapsingHeader("Inputs");
+      ImGui::PopStyleColor();
+      if (open)
       {
         for (const GraphPin& pin : b.Inputs)
         {
@@ -499,18 +563,31 @@ void Viewer::PipelineTab()
 {
   const PipelineDocument& d = *this->Doc.Get();
   Heading(this->Win, "Pipeline");
+  if (this->EditingDoc)
   {
     std::string& edit = this->EditTexts["pipeline doc"];
-    if (ImGui::GetActiveID() != ImGui::GetID("##doc"))
-    {
-      edit = d.Doc.Value;
-    }
-    ImGui::InputTextMultiline("##doc", &edit, ImVec2(-1, this->S(58)));
-    if (ImGui::IsItemDeactivatedAfterEdit())
+    ImGui::SetKeyboardFocusHere();
+    ImGui::InputTextMultiline("##doc", &edit, ImVec2(-1, this->S(90)));
+    if (ImGui::IsItemDeactivated() || this->Button("Done", "pipeline/doc/done"))
     {
       this->Doc.SetPipelineDoc(edit);
+      this->EditingDoc = false;
     }
-    this->Tooltip("What the pipeline is for");
+  }
+  else
+  {
+    ImGui::SameLine(ImGui::GetWindowWidth() - this->S(46));
+    if (ImGui::SmallButton("edit"))
+    {
+      this->EditingDoc = true;
+      this->EditTexts["pipeline doc"] = d.Doc.Value;
+    }
+    this->Mark("pipeline/doc");
+    ImGui::PushTextWrapPos(0);
+    ImGui::PushFont(this->Win.Small());
+    ImGui::TextColored(Colors::Dim, "%s", d.Doc.Value.empty() ? "It has no description yet." : d.Doc.Value.c_str());
+    ImGui::PopFont();
+    ImGui::PopTextWrapPos();
   }
   ImGui::Dummy(ImVec2(0, this->S(6)));
   Heading(this->Win, "Variables");
@@ -583,14 +660,31 @@ void Viewer::PipelineTab()
     }
     ImGui::EndTable();
   }
-  ImGui::SetNextItemWidth(this->S(130));
+  ImGui::SetNextItemWidth(this->S(120));
   ImGui::InputTextWithHint("##newvariable", "new variable", &this->NewVariableName);
   this->Mark("variable/new");
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(this->S(80));
+  if (ImGui::BeginCombo("##type", this->NewVariableType.c_str()))
+  {
+    for (const char* t : { "int", "double", "bool", "string", "path" })
+    {
+      if (ImGui::Selectable(t, this->NewVariableType == t))
+      {
+        this->NewVariableType = t;
+      }
+    }
+    ImGui::EndCombo();
+  }
   ImGui::SameLine();
   if (this->Button("Add", "variable/add", nullptr, !this->NewVariableName.empty()))
   {
     std::string error;
-    if (this->Doc.AddVariable(this->NewVariableName, "string", "", error))
+    if (this->Doc.AddVariable(this->NewVariableName, this->NewVariableType,
+          this->NewVariableType == "int" || this->NewVariableType == "double" ? "0"
+          : this->NewVariableType == "bool"                                   ? "false"
+                                                                              : "",
+          error))
     {
       this->NewVariableName.clear();
     }

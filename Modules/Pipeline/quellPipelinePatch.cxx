@@ -414,7 +414,7 @@ std::string PatchPipelineText(const std::string& original, const PipelineDocumen
     const std::string text = original.substr(0, root.Tag) + Patcher(original, fresh).Element(root, b.Root()) +
                              original.substr(root.End);
     Diagnostics ignored;
-    if (*ReadPipelineText(text, edited.File, ignored) == edited && !ignored.HasErrors())
+    if (*ReadPipelineText(text, edited.File, ignored) == edited)
     {
       return text;
     }

@@ -102,7 +102,8 @@ bool IsPipelineName(const std::string& s)
   return true;
 }
 
-EditDocument::EditDocument()
+EditDocument::EditDocument(const StageRegistry* registry)
+  : Registry(registry)
 {
   this->Clear();
 }
@@ -178,6 +179,10 @@ bool EditDocument::Save(const std::string& file, std::string& error)
     error = "the pipeline has no file yet";
     return false;
   }
+  if (this->Path != file)
+  {
+    this->MovePaths(fs::path(file).parent_path().string());
+  }
   const std::string text = this->Text();
   const std::string temporary = file + ".saving";
   {
@@ -217,6 +222,61 @@ bool EditDocument::Save(const std::string& file, std::string& error)
   }
   this->SavedDocument = this->Now.Document;
   return true;
+}
+
+void EditDocument::MovePaths(const std::string& directory)
+{
+  std::error_code ec;
+  const fs::path from = fs::weakly_canonical(
+    fs::absolute(this->Now.Document->Directory.empty() ? fs::path(".") : fs::path(this->Now.Document->Directory), ec), ec);
+  const fs::path to = fs::weakly_canonical(fs::absolute(directory.empty() ? fs::path(".") : fs::path(directory), ec), ec);
+  if (from == to)
+  {
+    return;
+  }
+  PipelineDocument& d = this->Begin();
+  const auto move = [&](PipelineText& text)
+  {
+    if (text.Value.empty() || text.Value.find("$(") != std::string::npos || fs::path(text.Value).is_absolute())
+    {
+      return;
+    }
+    const fs::path full = fs::weakly_canonical(from / text.Value, ec);
+    const fs::path relative = full.lexically_relative(to);
+    text.Value = relative.empty() ? full.generic_string() : relative.generic_string();
+  };
+  for (PipelineInclude& i : d.Includes)
+  {
+    move(i.File);
+  }
+  for (PipelineVariable& v : d.Variables)
+  {
+    if (v.Type.Value == "path")
+    {
+      move(v.Default);
+    }
+  }
+  const auto nodes = [&](std::vector<PipelineNode>& list)
+  {
+    for (PipelineNode& n : list)
+    {
+      const StageDescription* type = this->Registry && !n.IsInstance ? this->Registry->Describe(n.Type.Value) : nullptr;
+      for (PipelineProperty& p : n.Properties)
+      {
+        const Property* row = type ? type->FindProperty(p.Name.Value) : nullptr;
+        if (row && row->Kind == Property::Type::Path)
+        {
+          move(p.Value);
+        }
+      }
+    }
+  };
+  nodes(d.Nodes);
+  for (PipelineTemplate& t : d.Templates)
+  {
+    nodes(t.Nodes);
+  }
+  this->Commit("paths for another directory");
 }
 
 // ---- steps ----------------------------------------------------------------------------------------------------------
@@ -1197,6 +1257,84 @@ bool EditDocument::AddVariable(
   v.Place.File = d.File;
   d.Variables.push_back(v);
   this->Commit("add variable " + name);
+  return true;
+}
+
+std::string EditDocument::MakeVariable(
+  const std::string& scope, const std::string& box, const Property& row, const std::string& value)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineNode* node = this->EditNode(d, scope, box);
+  if (!node || !scope.empty())
+  {
+    return {};
+  }
+  std::string stem = row.Name;
+  stem[0] = char(std::tolower(static_cast<unsigned char>(stem[0])));
+  const auto taken = [&d](const std::string& name)
+  {
+    return std::any_of(
+      d.Variables.begin(), d.Variables.end(), [&name](const PipelineVariable& v) { return v.Name.Value == name; });
+  };
+  std::string name = stem;
+  for (int i = 2; taken(name); ++i)
+  {
+    name = stem + std::to_string(i);
+  }
+  PipelineVariable v;
+  v.Name = TextAt(d, name);
+  v.Type = TextAt(d, row.Kind == Property::Type::Int      ? "int"
+                     : row.Kind == Property::Type::Double ? "double"
+                     : row.Kind == Property::Type::Bool   ? "bool"
+                     : row.Kind == Property::Type::Path   ? "path"
+                                                          : "string");
+  v.Default = TextAt(d, value);
+  if (!row.Doc.empty())
+  {
+    v.Doc = TextAt(d, row.Doc);
+  }
+  v.Place.File = d.File;
+  d.Variables.push_back(v);
+  const auto named = [&row](const PipelineProperty& p) { return p.Name.Value == row.Name; };
+  auto at = std::find_if(node->Properties.begin(), node->Properties.end(), named);
+  if (at == node->Properties.end())
+  {
+    PipelineProperty p;
+    p.Name = TextAt(d, row.Name);
+    p.Place.File = d.File;
+    node->Properties.push_back(p);
+    at = node->Properties.end() - 1;
+  }
+  at->Value = TextAt(d, "$(" + name + ")");
+  this->Commit("make " + box + "." + row.Name + " a variable");
+  return name;
+}
+
+bool EditDocument::AddInclude(const std::string& file, std::string& error)
+{
+  std::error_code ec;
+  const std::string full = JoinPath(this->Now.Document->Directory, file);
+  for (const PipelineInclude& i : this->Now.Document->Includes)
+  {
+    if (fs::equivalent(JoinPath(this->Now.Document->Directory, i.File.Value), full, ec))
+    {
+      return true;
+    }
+  }
+  Diagnostics messages;
+  const auto content = ReadPipelineFile(full, messages);
+  if (messages.HasErrors())
+  {
+    error = messages.All().front().ToText();
+    return false;
+  }
+  PipelineDocument& d = this->Begin();
+  PipelineInclude i;
+  i.File = TextAt(d, file);
+  i.Content = content;
+  i.Place.File = d.File;
+  d.Includes.push_back(i);
+  this->Commit("include " + fs::path(file).filename().string());
   return true;
 }
 

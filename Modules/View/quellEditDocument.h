@@ -24,7 +24,8 @@ namespace quell
 class VTKQUELLVIEW_EXPORT EditDocument
 {
 public:
-  EditDocument();
+  /// `registry` says which properties are paths: saved to another directory, relative ones are rewritten.
+  explicit EditDocument(const StageRegistry* registry = nullptr);
 
   ///@{ Whole documents; each forgets the undo steps.
   void Clear();
@@ -105,6 +106,11 @@ public:
   bool SetVariable(const std::string& name, const std::string& value, bool merge = false);
   bool AddVariable(const std::string& name, const std::string& type, const std::string& value, std::string& error);
   bool RemoveVariable(const std::string& name);
+  /// A variable of that type with the property's value, which the property then reads. Returns its name.
+  std::string MakeVariable(
+    const std::string& scope, const std::string& box, const Property& row, const std::string& value);
+  /// The templates of another file; a path is seen from this one's directory. True when it is included already.
+  bool AddInclude(const std::string& file, std::string& error);
   void SetTime(const std::string& first, const std::string& count, const std::string& rate);
   std::string AddOutput(const std::string& from, double x, double y);
   /// Attributes "file", "view", "display", "from".
@@ -139,7 +145,9 @@ private:
   std::vector<PipelineNode>* EditNodes(PipelineDocument& d, const std::string& scope) const;
   PipelineNode* EditNode(PipelineDocument& d, const std::string& scope, const std::string& id) const;
   void Place(const std::string& scope, const std::string& box, double x, double y);
+  void MovePaths(const std::string& directory);
 
+  const StageRegistry* Registry = nullptr;
   State Now;
   std::shared_ptr<PipelineDocument> Draft;
   PipelinePositions DraftPositions;

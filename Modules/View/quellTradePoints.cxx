@@ -186,10 +186,11 @@ struct LedgerRun::Internals
   bool Finished = false;
   std::thread Thread;
 
-  bool Measure(std::shared_ptr<const PipelineDocument> document, double& error, double& milliseconds, std::string& note)
+  bool Measure(std::shared_ptr<const PipelineDocument> document, const ViewTarget& asked, double& error,
+    double& milliseconds, std::string& note)
   {
     Diagnostics messages;
-    const ViewTarget target = ResolveTarget(*document, this->Target);
+    const ViewTarget target = ResolveTarget(*document, asked);
     const auto pruned = PrunedTo(*document, { target.Node });
     GraphOptions options = this->Options;
     options.Outputs.clear();
@@ -241,7 +242,7 @@ struct LedgerRun::Internals
   {
     double error = 0, milliseconds = 0;
     std::string note;
-    const bool base = this->Measure(this->Document, error, milliseconds, note);
+    const bool base = this->Measure(this->Document, this->Target, error, milliseconds, note);
     {
       std::lock_guard<std::mutex> lock(this->Mutex);
       if (base)
@@ -266,7 +267,19 @@ struct LedgerRun::Internals
       LedgerRow row;
       row.Node = this->Rows[i].Node;
       const auto without = LeaveOut(*this->Document, row.Node, *this->Registry, row.Note);
-      row.Done = without && this->Measure(without, row.Error, row.Milliseconds, row.Note);
+      ViewTarget target = this->Target;
+      if (TopOf(target.Node) == row.Node)
+      {
+        // What is looked at is gone itself: what it read is seen instead.
+        for (const PipelineNode& n : this->Document->Nodes)
+        {
+          if (n.Id.Value == row.Node && !n.Inputs.empty())
+          {
+            target.Node = NodeOfReference(n.Inputs.front().From.Value, &target.Array);
+          }
+        }
+      }
+      row.Done = without && this->Measure(without, target, row.Error, row.Milliseconds, row.Note);
       std::lock_guard<std::mutex> lock(this->Mutex);
       this->Rows[i] = row;
     }

@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "AllStages.h"
+#include "quellEditDocument.h"
+#include "quellGraphModel.h"
+#include "quellPipelineReader.h"
+#include "quellPipelineWriter.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <sstream>
+
+namespace fs = std::filesystem;
+using namespace quell;
+
+namespace
+{
+std::string Shipped(const char* name)
+{
+  return std::string(QUELL_SOURCE_DIR) + "/Data/Pipelines/" + name;
+}
+
+std::string Contents(const std::string& file)
+{
+  std::ifstream stream(file, std::ios::binary);
+  std::stringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+EditDocument Opened(const char* name)
+{
+  EditDocument d(&Registry());
+  std::vector<Diagnostic> messages;
+  EXPECT_TRUE(d.Open(Shipped(name), messages));
+  EXPECT_TRUE(messages.empty());
+  return d;
+}
+
+int Errors(const EditDocument& d)
+{
+  Diagnostics messages;
+  BuildGraph(d.Get(), Registry(), {}, messages);
+  return messages.ErrorCount();
+}
+
+fs::path Scratch(const char* name)
+{
+  const fs::path dir = fs::path(testing::TempDir()) / "quell-edit" / name;
+  fs::remove_all(dir);
+  fs::create_directories(dir);
+  return dir;
+}
+}
+
+TEST(EditDocument, OpeningAndSavingChangesNoByte)
+{
+  const fs::path file = Scratch("same") / "svgf.xml";
+  for (const char* name : { "svgf.xml", "quick.xml", "library.xml" })
+  {
+    fs::copy_file(Shipped(name), file, fs::copy_options::overwrite_existing);
+    EditDocument d;
+    std::vector<Diagnostic> messages;
+    ASSERT_TRUE(d.Open(file.string(), messages));
+    EXPECT_FALSE(d.IsDirty());
+    std::string error;
+    ASSERT_TRUE(d.Save(file.string(), error)) << error;
+    EXPECT_EQ(Contents(file.string()), Contents(Shipped(name)));
+  }
+}
+
+TEST(EditDocument, AMovedBoxIsKeptBesideTheText)
+{
+  EditDocument d = Opened("quick.xml");
+  const auto before = d.Get();
+  d.Move("", { { "blur", { 300.2, 40 } } });
+  EXPECT_EQ(d.Get(), before) << "nothing runs again for it";
+  EXPECT_TRUE(d.IsDirty());
+  const fs::path file = Scratch("moved") / "a.xml";
+  const std::string text = d.Text();
+  EXPECT_EQ(WithPipelinePositions(text, {}), Contents(Shipped("quick.xml")));
+  EXPECT_EQ(ReadPipelinePositions(text).at("blur"), (std::pair<double, double>(300, 40)));
+  d.Undo();
+  EXPECT_FALSE(d.IsDirty());
+}
+
+TEST(EditDocument, UndoAndRedoWalkThroughEveryState)
+{
+  EditDocument d = Opened("quick.xml");
+  std::vector<std::string> states{ d.Text() };
+  const auto step = [&] { states.push_back(d.Text()); };
+  const std::string id = d.AddNode("", "FireflyClamp", 10, 20);
+  step();
+  std::string error;
+  ASSERT_TRUE(d.Connect("", "pt:radiance", id, "radiance", false, false, error)) << error;
+  step();
+  d.SetProperty("", "blur", "SigmaRange", "0.75");
+  step();
+  ASSERT_TRUE(d.Rename("", "pt", "tracer", error)) << error;
+  step();
+  ASSERT_TRUE(d.Remove("", { "blur", id }));
+  step();
+  ASSERT_TRUE(d.SetVariable("spp", "4"));
+  step();
+  for (std::size_t i = states.size(); i-- > 1;)
+  {
+    EXPECT_EQ(d.Text(), states[i]);
+    d.Undo();
+  }
+  EXPECT_EQ(d.Text(), states[0]);
+  EXPECT_FALSE(d.CanUndo());
+  EXPECT_FALSE(d.IsDirty());
+  for (std::size_t i = 1; i < states.size(); ++i)
+  {
+    d.Redo();
+    EXPECT_EQ(d.Text(), states[i]);
+  }
+  EXPECT_FALSE(d.CanRedo());
+}
+
+TEST(EditDocument, ASliderThatIsDraggedIsOneStep)
+{
+  EditDocument d = Opened("quick.xml");
+  const std::string before = d.Text();
+  for (const char* v : { "0.6", "0.7", "0.8" })
+  {
+    d.SetProperty("", "blur", "SigmaRange", v, true);
+  }
+  d.EndMerge();
+  d.SetProperty("", "blur", "SigmaRange", "0.9", true);
+  d.Undo();
+  EXPECT_EQ(d.FindProperty("", "blur", "SigmaRange")->Value, "0.8");
+  d.Undo();
+  EXPECT_EQ(d.Text(), before);
+}
+
+TEST(EditDocument, RenamingFollowsEveryReference)
+{
+  EditDocument d = Opened("svgf.xml");
+  std::string error;
+  ASSERT_TRUE(d.Rename("", "taa", "smooth", error)) << error;
+  EXPECT_EQ(Errors(d), 0);
+  EXPECT_EQ(d.Get()->Outputs[0].From.Value, "smooth:radiance");
+  ASSERT_TRUE(d.Rename("", "output:beauty", "final", error)) << error;
+  EXPECT_EQ(d.Get()->Outputs[0].Name.Value, "final");
+  EXPECT_FALSE(d.Rename("", "smooth", "sum", error));
+  EXPECT_NE(error.find("\"sum\""), std::string::npos);
+  EXPECT_FALSE(d.Rename("", "smooth", "1st", error));
+  EXPECT_FALSE(d.Rename("", "nobody", "x", error));
+  // "s" is no "sum": only whole names count.
+  EditDocument e;
+  const std::string a = e.AddNode("", "ImageReader", 0, 0, "s"), b = e.AddNode("", "ImageReader", 0, 0, "su");
+  const std::string sum = e.AddNode("", "Sum", 0, 0, "sum");
+  e.Connect("", "s:radiance", sum, "radiance", false, true, error);
+  e.Connect("", "su:radiance", sum, "radiance", false, true, error);
+  ASSERT_TRUE(e.Rename("", a, "x", error));
+  EXPECT_EQ(e.FindNode("", "sum")->Inputs[0].From.Value, "x:radiance");
+  EXPECT_EQ(e.FindNode("", "sum")->Inputs[1].From.Value, "su:radiance");
+}
+
+TEST(EditDocument, DeletingTakesLinksAlongOrBridgesThem)
+{
+  EditDocument d = Opened("quick.xml");
+  ASSERT_TRUE(d.Remove("", { "blur" }, true));
+  EXPECT_EQ(d.FindNode("", "modulate")->Inputs[0].From.Value, "demodulate:illumination");
+  EXPECT_EQ(Errors(d), 0);
+  d.Undo();
+  ASSERT_TRUE(d.Remove("", { "blur" }));
+  EXPECT_EQ(d.FindNode("", "modulate")->Inputs.size(), 1u);
+  EXPECT_GT(Errors(d), 0);
+  EXPECT_FALSE(d.Remove("", { "blur" }));
+  ASSERT_TRUE(d.Remove("", { "sum" }));
+  EXPECT_FALSE(d.Get()->Outputs[0].From.Given);
+  ASSERT_TRUE(d.Remove("", { "output:beauty" }));
+  EXPECT_EQ(d.Get()->Outputs.size(), 1u);
+}
+
+TEST(EditDocument, CopiesKeepTheLinksAmongThem)
+{
+  EditDocument d = Opened("quick.xml");
+  const std::vector<std::string> copies = d.Duplicate("", { "demodulate", "blur" }, 10, 10);
+  ASSERT_EQ(copies, (std::vector<std::string>{ "demodulate2", "blur2" }));
+  EXPECT_EQ(d.FindNode("", "blur2")->Inputs[0].From.Value, "demodulate2:illumination");
+  EXPECT_EQ(d.FindNode("", "demodulate2")->Inputs[0].From.Value, "scattered:radiance");
+  EXPECT_EQ(d.Duplicate("", { "blur", "blur2" }, 1, 1).size(), 2u);
+  std::set<std::string> ids;
+  for (const PipelineNode& n : d.Nodes(""))
+  {
+    EXPECT_TRUE(ids.insert(n.Id.Value).second) << n.Id.Value;
+  }
+}
+
+TEST(EditDocument, NodesTravelAsXml)
+{
+  EditDocument d = Opened("quick.xml");
+  d.Move("", { { "demodulate", { 100, 50 } }, { "blur", { 300, 80 } } });
+  const std::string xml = d.CopyXml("", { "demodulate", "blur" });
+  EXPECT_NE(xml.find("<node id=\"blur\""), std::string::npos);
+  EditDocument other;
+  std::string error;
+  const auto made = other.PasteXml("", xml, 10, 20, error);
+  ASSERT_EQ(made.size(), 2u) << error;
+  EXPECT_EQ(other.Positions().at("demodulate"), (std::pair<double, double>(10, 20)));
+  EXPECT_EQ(other.Positions().at("blur"), (std::pair<double, double>(210, 50)));
+  const auto again = other.PasteXml("", xml, 0, 0, error);
+  EXPECT_EQ(again, (std::vector<std::string>{ "demodulate2", "blur2" }));
+  EXPECT_EQ(other.FindNode("", "blur2")->Inputs[0].From.Value, "demodulate2:illumination");
+  EXPECT_EQ(other.PasteXml("", "<node id=\"one\" type=\"Sum\"/>", 0, 0, error), (std::vector<std::string>{ "one" }));
+  EXPECT_TRUE(other.PasteXml("", "some words", 0, 0, error).empty());
+  EXPECT_NE(error, "");
+  EXPECT_TRUE(other.PasteXml("", "<pipeline version=\"1\"/>", 0, 0, error).empty());
+}
+
+TEST(EditDocument, InsertingOnALinkIsOneStep)
+{
+  EditDocument d = Opened("quick.xml");
+  const GraphModel m = GraphModel::Build(d, "", Registry());
+  const StageDescription& clamp = *Registry().Describe("FireflyClamp");
+  for (const GraphLink& l : m.Links)
+  {
+    if (m.Boxes[std::size_t(l.To)].Id == "demodulate" && l.Index == 0)
+    {
+      int port = -1;
+      std::string array, reason;
+      ASSERT_TRUE(m.FitsOnLink(clamp, l, port, array, reason)) << reason;
+      const std::string id = d.InsertOnLink("", "demodulate", 0, clamp, port, array, 5, 6);
+      ASSERT_NE(id, "");
+      EXPECT_EQ(d.FindNode("", id)->Inputs[0].From.Value, "scattered:radiance");
+      EXPECT_EQ(d.FindNode("", "demodulate")->Inputs[0].From.Value, id + ":radiance");
+      EXPECT_EQ(Errors(d), 0);
+      d.Undo();
+      EXPECT_FALSE(d.IsDirty());
+      EXPECT_FALSE(m.FitsOnLink(*Registry().Describe("ImageReader"), l, port, array, reason));
+      EXPECT_NE(reason, "");
+    }
+  }
+}
+
+TEST(EditDocument, APropertyBecomesAVariable)
+{
+  EditDocument d = Opened("quick.xml");
+  const Property& row = *Registry().Describe("BilateralFilter")->FindProperty("SigmaRange");
+  EXPECT_EQ(d.MakeVariable("", "blur", row, "0.6"), "sigmaRange");
+  EXPECT_EQ(d.FindProperty("", "blur", "SigmaRange")->Value, "$(sigmaRange)");
+  EXPECT_EQ(d.Get()->Variables.back().Type.Value, "double");
+  EXPECT_EQ(Errors(d), 0);
+  std::string error;
+  EXPECT_FALSE(d.AddVariable("spp", "int", "1", error));
+  EXPECT_FALSE(d.AddVariable("1", "int", "1", error));
+  EXPECT_TRUE(d.AddVariable("more", "int", "1", error));
+  EXPECT_TRUE(d.RemoveVariable("more"));
+  EXPECT_FALSE(d.RemoveVariable("more"));
+}
+
+TEST(EditDocument, SavedElsewherePathsLeadToTheSameFiles)
+{
+  EditDocument d = Opened("svgf.xml");
+  const fs::path file = Scratch("deep/er") / "copy.xml";
+  std::string error;
+  ASSERT_TRUE(d.Save(file.string(), error)) << error;
+  EXPECT_EQ(d.File(), file.string());
+  EXPECT_EQ(Errors(d), 0);
+  EXPECT_EQ(fs::weakly_canonical(file.parent_path() / d.Get()->Includes[0].File.Value),
+    fs::weakly_canonical(Shipped("library.xml")));
+  EditDocument again;
+  std::vector<Diagnostic> messages;
+  ASSERT_TRUE(again.Open(file.string(), messages));
+  EXPECT_EQ(Errors(again), 0);
+  EXPECT_FALSE(d.Save("/nowhere/at/all.xml", error));
+  EXPECT_NE(error.find("/nowhere/at/all.xml"), std::string::npos);
+  EXPECT_FALSE(EditDocument().Save("", error));
+}
+
+TEST(EditDocument, WhatCannotBeOpenedChangesNothing)
+{
+  EditDocument d = Opened("quick.xml");
+  const auto before = d.Get();
+  std::vector<Diagnostic> messages;
+  EXPECT_FALSE(d.Open("/nowhere.xml", messages));
+  ASSERT_EQ(messages.size(), 1u);
+  const fs::path file = Scratch("bad") / "bad.xml";
+  std::ofstream(file) << "<pipeline>\n  <node\n</pipeline>";
+  EXPECT_FALSE(d.Open(file.string(), messages));
+  ASSERT_FALSE(messages.empty());
+  EXPECT_EQ(messages[0].Place.Line, 3);
+  EXPECT_EQ(d.Get(), before);
+  EXPECT_EQ(d.File(), Shipped("quick.xml"));
+  // Mistakes in a pipeline can be opened, to be mended.
+  std::ofstream(file) << "<pipeline version=\"1\"><node id=\"a\" type=\"Nothing\"/></pipeline>";
+  EXPECT_TRUE(d.Open(file.string(), messages));
+  EXPECT_GT(Errors(d), 0);
+}
+
+// Whatever is done, the text reads back as the document, undo leads back to the first byte, and nothing falls over.
+TEST(EditDocument, AThousandRandomEdits)
+{
+  std::mt19937 random(20260101);
+  const auto pick = [&random](std::size_t n) { return n ? std::size_t(random() % n) : 0; };
+  const std::vector<std::string> types = Registry().Types();
+  for (const char* name : { "quick.xml", "library.xml" })
+  {
+    EditDocument d = Opened(name);
+    const std::string original = d.Text();
+    std::size_t done = 0;
+    for (int i = 0; i < 500; ++i)
+    {
+      const std::vector<PipelineTemplate>& templates = d.Get()->Templates;
+      const std::string scope = !templates.empty() && pick(2) ? templates[pick(templates.size())].Name.Value : "";
+      const std::vector<PipelineNode> nodes = d.Nodes(scope);
+      const std::string node = nodes.empty() ? "none" : nodes[pick(nodes.size())].Id.Value;
+      const std::string other = nodes.empty() ? "none" : nodes[pick(nodes.size())].Id.Value;
+      const GraphModel m = GraphModel::Build(d, scope, Registry());
+      std::string error;
+      const std::uint64_t revision = d.Revision();
+      switch (pick(16))
+      {
+        case 0:
+        case 1:
+          d.AddNode(scope, types[pick(types.size())], double(pick(1000)), double(pick(1000)));
+          break;
+        case 2:
+          d.Remove(scope, { node, other }, pick(2) == 0);
+          break;
+        case 3:
+          d.Duplicate(scope, { node, other }, 20, 20);
+          break;
+        case 4:
+          d.Rename(scope, node, pick(5) ? "n" + std::to_string(pick(40)) : other, error);
+          break;
+        case 5:
+        case 6:
+        case 7:
+          if (!m.Boxes.empty())
+          {
+            const int from = int(pick(m.Boxes.size())), to = int(pick(m.Boxes.size()));
+            const int out = int(pick(m.Boxes[std::size_t(from)].Outputs.size())),
+                      in = int(pick(m.Boxes[std::size_t(to)].Inputs.size()));
+            const LinkVerdict v = m.Judge(from, out, to, in);
+            EXPECT_TRUE(v.Ok || !v.Reason.empty());
+            if (v.Ok)
+            {
+              d.Connect(scope, m.Reference(from, out), m.Boxes[std::size_t(to)].Id,
+                m.Boxes[std::size_t(to)].Inputs[std::size_t(in)].Name, v.Delay,
+                m.Boxes[std::size_t(to)].Inputs[std::size_t(in)].Repeatable, error);
+            }
+          }
+          break;
+        case 8:
+          d.Disconnect(scope, node, int(pick(4)));
+          break;
+        case 9:
+          if (!m.Links.empty())
+          {
+            const GraphLink l = m.Links[pick(m.Links.size())];
+            const StageDescription& type = *Registry().Describe(types[pick(types.size())]);
+            int port = 0;
+            std::string array, reason;
+            if (l.To >= 0 && m.FitsOnLink(type, l, port, array, reason))
+            {
+              d.InsertOnLink(scope, m.Boxes[std::size_t(l.To)].Id, l.Index, type, port, array, 1, 2);
+            }
+          }
+          break;
+        case 10:
+          d.SetProperty(scope, node, "P" + std::to_string(pick(5)), pick(2) ? "<&\"'>" : "a\nb", pick(2) == 0);
+          break;
+        case 11:
+          d.ResetProperty(scope, node, "P" + std::to_string(pick(5)));
+          break;
+        case 12:
+          d.Move(scope, { { node, { double(pick(500)), double(pick(500)) } } });
+          break;
+        case 13:
+          d.PasteXml(scope, d.CopyXml(scope, { node, other }), 0, 0, error);
+          break;
+        case 14:
+          if (scope.empty())
+          {
+            d.AddOutput(node, 0, 0);
+          }
+          break;
+        default:
+          pick(3) ? d.Undo() : d.Redo();
+      }
+      done += d.Revision() != revision;
+      if (i % 10 == 0)
+      {
+        const std::string text = d.Text();
+        Diagnostics messages;
+        const auto back = ReadPipelineText(text, d.Get()->File, messages);
+        ASSERT_EQ(*back, *d.Get()) << name << " after " << i << "\n" << messages.ToText();
+        ASSERT_EQ(ReadPipelinePositions(text), d.Positions());
+        BuildGraph(d.Get(), Registry(), {}, messages); // mistakes or not, it comes back
+        std::vector<BoxSize> sizes(m.Boxes.size());
+        EXPECT_EQ(ArrangeGraph(m, sizes).size(), m.Boxes.size());
+      }
+    }
+    EXPECT_GT(done, 200u);
+    while (d.CanUndo())
+    {
+      d.Undo();
+    }
+    if (done < 500)
+    {
+      EXPECT_EQ(d.Text(), original) << name;
+    }
+  }
+}
