@@ -6,6 +6,7 @@
 #   ./bootstrap.sh view [FILE]              assemble, steer and inspect a pipeline in a window (quell-view)
 #   ./bootstrap.sh bench [NAME...]          measure (all, or those whose names begin so); build/bench.json
 #   ./bootstrap.sh report filters           bias and variance of every filter over many seeds; Documentation/filters.md
+#   ./bootstrap.sh report tradeoff          what the default pipelines cost and buy; Documentation/tradeoff-pipelines.md
 set -euo pipefail
 top=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 build=${QUELL_BUILD_DIR:-$top/build}
@@ -16,7 +17,7 @@ packages=(g++ cmake ninja-build ccache
   libimgui-dev pkg-config fonts-dejavu-core xvfb xauth)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
-usage() { sed -n '3,8s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
+usage() { sed -n '3,9s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
 
 install_missing() {
   local missing=() p
@@ -78,10 +79,18 @@ case $command in
     compile quell-bench
     exec "$build/bin/quell-bench" --json "$build/bench.json" "$@" ;;
   report)
-    [ $# -ge 1 ] && [ "$1" = filters ] || usage
+    [ $# -ge 1 ] || usage
+    what=$1
     shift
-    install_missing; configure; compile quell-filter-report
-    exec "$build/bin/quell-filter-report" "$top" "$@" ;;
+    case $what in
+      filters)
+        install_missing; configure; compile quell-filter-report
+        exec "$build/bin/quell-filter-report" "$top" "$@" ;;
+      tradeoff)
+        install_missing; configure; compile quell
+        exec "$top/Testing/TradeoffReport/tradeoff-report.sh" "$build/bin/quell" "$top" ;;
+      *) usage ;;
+    esac ;;
   *)
     say "unknown command \"$command\""; usage ;;
 esac
