@@ -134,6 +134,8 @@ bool ScriptRunner::Find(const std::string& place, ImVec2& at, std::string& error
   {
     name = place.substr(0, part);
   }
+  // Where it is when it stays there: what was just opened may still find its place.
+  ImVec4 before(-1, -1, -1, -1);
   for (int frame = 0; frame < 40; ++frame)
   {
     const Marks& marks = this->View.GetMarks();
@@ -141,8 +143,12 @@ bool ScriptRunner::Find(const std::string& place, ImVec2& at, std::string& error
     if (mark != marks.end())
     {
       const ImVec4& r = mark->second;
-      at = ImVec2(std::floor(r.x + float(fx) * (r.z - r.x)), std::floor(r.y + float(fy) * (r.w - r.y)));
-      return true;
+      if (r.x == before.x && r.y == before.y && r.z == before.z && r.w == before.w)
+      {
+        at = ImVec2(std::floor(r.x + float(fx) * (r.z - r.x)), std::floor(r.y + float(fy) * (r.w - r.y)));
+        return true;
+      }
+      before = r;
     }
     this->Draw();
   }

@@ -67,9 +67,9 @@ Viewer::Viewer(Window& window, const StageRegistry& registry, const Options& opt
 {
   ApplyStyle(float(this->Scale));
   this->Remembered.Load(options.SettingsFile);
-  this->GraphFraction = float(this->Remembered.Number("layout.graph", 0.4, 0.1, 0.85));
-  this->RightFraction = float(this->Remembered.Number("layout.right", 0.27, 0.12, 0.6));
-  this->RightTab = this->WantedTab = this->Remembered.Text("layout.tab", "Properties");
+  this->GraphFraction = float(this->Remembered.Number("layout.graph", 0.4, 0.05, 0.9));
+  this->RightFraction = float(this->Remembered.Number("layout.right", 0.27, 0.05, 0.9));
+  this->RightTab = this->WantedTab = this->Remembered.Text("layout.tab", "Node");
   this->Display.View = this->Remembered.Text("display.view");
   if (std::find(this->Views.begin(), this->Views.end(), this->Display.View) == this->Views.end())
   {
@@ -268,7 +268,7 @@ void Viewer::AskToClose(const std::string& action)
   this->Perform(action);
 }
 
-void Viewer::Perform(const std::string& action)
+void Viewer::Perform(std::string action)
 {
   this->PendingAction.clear();
   if (action == "quit")
@@ -1131,7 +1131,14 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
     ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
       ImGuiWindowFlags_NoBringToFrontOnFocus);
   const float width = std::min(this->S(640), max.x - min.x - this->S(40));
-  ImGui::SetCursorPos(ImVec2((max.x - min.x - width) / 2, this->S(60)));
+  const float left = (max.x - min.x - width) / 2;
+  const auto rule = [&]
+  {
+    const ImVec2 at = ImGui::GetCursorScreenPos();
+    ImGui::GetWindowDrawList()->AddLine(at, ImVec2(at.x + width, at.y), ImGui::GetColorU32(Colors::Line));
+    ImGui::Dummy(ImVec2(0, this->S(4)));
+  };
+  ImGui::SetCursorPos(ImVec2(left, this->S(60)));
   ImGui::BeginGroup();
   ImGui::PushTextWrapPos(ImGui::GetCursorPosX() + width);
   if (!this->OpenErrors.empty())
@@ -1178,7 +1185,9 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
   }
   else
   {
+    ImGui::SetWindowFontScale(1.6f);
     Heading(this->Win, "Quell");
+    ImGui::SetWindowFontScale(1);
     ImGui::TextColored(
       Colors::Dim, "Turn noisy path-traced frames into clean ones, see every step, and what each costs and buys.");
     ImGui::Dummy(ImVec2(0, this->S(14)));
@@ -1198,7 +1207,7 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
     const fs::path shipped = fs::path(DataDirectory()) / "Pipelines";
     ImGui::Dummy(ImVec2(0, this->S(14)));
     ImGui::TextUnformatted("Shipped with Quell");
-    ImGui::Separator();
+    rule();
     for (const char* name : { "quick", "svgf", "still", "denoise-file", "layers-direct-indirect" })
     {
       const fs::path file = shipped / (std::string(name) + ".xml");
@@ -1209,8 +1218,9 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
           this->Open(file.string());
         }
         this->Mark(std::string("welcome/") + name);
-        ImGui::SameLine(this->S(180) + (max.x - min.x - width) / 2);
-        ImGui::TextColored(Colors::Dim, "%s", PipelineBrief(file.string()).c_str());
+        ImGui::SameLine();
+        ImGui::SetCursorPosX(left + this->S(185));
+        ImGui::TextColored(Colors::Dim, "%s", Fitted(PipelineBrief(file.string()), width - this->S(190)).c_str());
       }
     }
     const std::vector<std::string> recent = this->Remembered.Recent();
@@ -1218,7 +1228,7 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
     {
       ImGui::Dummy(ImVec2(0, this->S(14)));
       ImGui::TextUnformatted("Recent");
-      ImGui::Separator();
+      rule();
       for (const std::string& f : recent)
       {
         if (ImGui::Selectable((ShortPath(f) + "##" + f).c_str(), false, 0, ImVec2(width, 0)))
@@ -1354,7 +1364,9 @@ void Viewer::StatusBar()
     return;
   }
   std::string text;
-  if (this->Shown && !this->Shown->Ok && !this->Shown->Error.empty())
+  // What the list of mistakes says need not be said again.
+  if (this->Shown && !this->Shown->Ok && !this->Shown->Error.empty() &&
+      !(this->Checked && this->Checked->Document == this->Doc.Get() && this->Checked->Errors > 0))
   {
     ImGui::TextColored(Colors::Error, "%s", this->Shown->Error.c_str());
     ImGui::PopFont();

@@ -92,7 +92,7 @@ private:
   void ChooseDefaultTarget();
   void Save(bool as);
   void AskToClose(const std::string& action);
-  void Perform(const std::string& action);
+  void Perform(std::string action); ///< a copy: the question that holds it is answered
   void OpenFileDialog(const std::string& purpose, const std::string& title, const std::string& extensions);
   void FileChosen(const std::string& purpose, const std::string& file);
   void Tell(const std::string& text, bool isError = false);
@@ -119,6 +119,7 @@ private:
   // quellViewerPanels.cxx
   void RightPanel(const ImVec2& min, const ImVec2& max);
   void PropertiesTab();
+  void MistakesOf(const std::string& box);
   void PropertyRow(const std::string& scope, const std::string& box, const Property& row, const std::string& nowText);
   void PipelineTab();
   void TradeTab();
@@ -251,7 +252,7 @@ private:
   // windows and dialogs
   float GraphFraction = 0.42f, RightFraction = 0.27f;
   bool ShowHelp = false, ShowMessages = true, ShowWelcome = true;
-  std::string RightTab = "Properties", WantedTab;
+  std::string RightTab = "Node", WantedTab;
   std::string Message;
   bool MessageIsError = false;
   double MessageUntil = 0;

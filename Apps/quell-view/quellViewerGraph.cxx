@@ -1496,8 +1496,12 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     std::string words;
     if (linkTo >= 0)
     {
-      const std::string what = this->Model.Reference(linkFrom, linkFromPin) + " \u2192 " + this->Model.Boxes[std::size_t(linkTo)].Id + "." +
-                               this->Model.Boxes[std::size_t(linkTo)].Inputs[std::size_t(linkToPin)].Name;
+      std::string what = this->Model.Reference(linkFrom, linkFromPin);
+      if (verdict.Ok)
+      {
+        const GraphBox& reader = this->Model.Boxes[std::size_t(linkTo)];
+        what += " \u2192 " + reader.Id + "." + reader.Inputs[std::size_t(linkToPin)].Name;
+      }
       words = verdict.Ok ? what + (verdict.Reason.empty() ? "" : "\n" + verdict.Reason) : verdict.Reason;
     }
     else

@@ -811,7 +811,8 @@ void Viewer::Inspector()
   const int x = v.extent.x0 + this->PixelX, y = v.extent.y1 - 1 - this->PixelY;
   Heading(this->Win, this->PixelPinned ? "Pinned pixel" : "Pixel");
   ImGui::SameLine();
-  ImGui::TextColored(Colors::Dim, "x %d, y %d from the top left", this->PixelX, this->PixelY);
+  ImGui::TextColored(Colors::Dim, "x %d  y %d", this->PixelX, this->PixelY);
+  this->Tooltip("from the top left");
   // The neighbourhood, enlarged.
   const int radius = 4;
   const float cell = std::floor(std::min(this->S(20), (ImGui::GetContentRegionAvail().x - this->S(4)) / (2 * radius + 1)));
@@ -858,16 +859,20 @@ void Viewer::Inspector()
       ImGui::PopFont();
       ImGui::TableNextColumn();
       ImGui::PushFont(this->Win.Mono());
-      std::string text;
+      std::string text, whole;
       bool finite = true;
       for (int c = 0; c < a.components; ++c)
       {
         const float f = a.at(x, y)[c];
         finite = finite && (std::isfinite(f) || InfinityIsValue(KindOf(name, a.components), name));
-        text += (c ? "  " : "") + ValueText(f);
+        char four[32];
+        std::snprintf(four, sizeof four, "%-9.3g", double(f));
+        text += std::isfinite(f) ? four : ValueText(f) + "  ";
+        whole += (c ? "  " : "") + ValueText(f);
       }
       ImGui::TextColored(finite ? Colors::Text : Colors::Error, "%s", text.c_str());
       ImGui::PopFont();
+      this->Tooltip(name + "\n" + whole);
     }
     ImGui::EndTable();
   }

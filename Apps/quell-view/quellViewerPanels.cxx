@@ -294,6 +294,23 @@ std::string RangeOf(const Property& p)
   return "[" + detail::FormatDouble(p.Minimum) + ", " + detail::FormatDouble(p.Maximum) + "]";
 }
 
+void Viewer::MistakesOf(const std::string& box)
+{
+  if (this->Checked)
+  {
+    for (const Diagnostic& d : this->Checked->Messages)
+    {
+      if (!d.Node.empty() && (d.Node == box || TopOf(d.Node) == box) && this->Scope.empty())
+      {
+        ImGui::PushTextWrapPos(0);
+        ImGui::TextColored(d.Level == Severity::Error ? Colors::Error : Colors::Warning, "%s%s%s", d.What.c_str(),
+          d.Hint.empty() ? "" : "\n", d.Hint.c_str());
+        ImGui::PopTextWrapPos();
+      }
+    }
+  }
+}
+
 void Viewer::PropertiesTab()
 {
   std::string box = this->Selected.size() == 1 ? *this->Selected.begin() : std::string();
@@ -335,20 +352,6 @@ void Viewer::PropertiesTab()
   }
   ImGui::PopTextWrapPos();
   ImGui::PopFont();
-  // What is wrong with it, in place.
-  if (this->Checked)
-  {
-    for (const Diagnostic& d : this->Checked->Messages)
-    {
-      if (!d.Node.empty() && (d.Node == box || TopOf(d.Node) == box) && this->Scope.empty())
-      {
-        ImGui::PushTextWrapPos(0);
-        ImGui::TextColored(d.Level == Severity::Error ? Colors::Error : Colors::Warning, "%s%s%s", d.What.c_str(),
-          d.Hint.empty() ? "" : "\n", d.Hint.c_str());
-        ImGui::PopTextWrapPos();
-      }
-    }
-  }
   ImGui::Dummy(ImVec2(0, this->S(3)));
   const auto table = [&](const char* id)
   {
@@ -557,6 +560,9 @@ void Viewer::PropertiesTab()
       ImGui::PopFont();
     }
   }
+  // Below, so that nothing jumps away under the mouse when the check comes back.
+  ImGui::Dummy(ImVec2(0, this->S(4)));
+  this->MistakesOf(box);
 }
 
 void Viewer::PipelineTab()
@@ -625,6 +631,7 @@ void Viewer::PipelineTab()
           this->HurryNext = false;
           this->Doc.SetVariable(name, std::to_string(n), true);
         }
+        this->Mark("variable/" + name);
       }
       else
       {
@@ -640,6 +647,7 @@ void Viewer::PipelineTab()
         {
           this->Doc.SetVariable(name, edit);
         }
+        this->Mark("variable/" + name);
         if (path)
         {
           ImGui::SameLine(0, this->S(3));
@@ -649,7 +657,6 @@ void Viewer::PipelineTab()
           }
         }
       }
-      this->Mark("variable/" + name);
       ImGui::TableNextColumn();
       if (ImGui::SmallButton("\u2715"))
       {
@@ -673,9 +680,11 @@ void Viewer::PipelineTab()
       {
         this->NewVariableType = t;
       }
+      this->Mark(std::string("variable/type/") + t);
     }
     ImGui::EndCombo();
   }
+  this->Mark("variable/type");
   ImGui::SameLine();
   if (this->Button("Add", "variable/add", nullptr, !this->NewVariableName.empty()))
   {
@@ -716,7 +725,7 @@ void Viewer::PipelineTab()
       this->Doc.SetTime(
         which == 0 ? edit : t.First.Value, which == 1 ? edit : t.Count.Value, which == 2 ? edit : t.Rate.Value);
     }
-    this->Mark(std::string("time/") + name);
+    this->Mark(std::string("pipeline/") + name);
     ImGui::PopID();
   };
   timeText("first", d.Time.First, "0", 0);
@@ -730,7 +739,7 @@ void Viewer::PipelineTab()
     {
       this->EnterScope("");
       this->Selected = { "output:" + o.Name.Value };
-      this->WantedTab = "Properties";
+      this->WantedTab = "Node";
     }
     ImGui::SameLine(0, 0);
     ImGui::TextUnformatted(o.Name.Value.c_str());
@@ -1050,7 +1059,8 @@ void Viewer::RightPanel(const ImVec2& min, const ImVec2& max)
     ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoCollapse |
       ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoScrollbar);
   std::string open;
-  if (ImGui::BeginTabBar("tabs", ImGuiTabBarFlags_FittingPolicyResizeDown))
+  ImGui::PushFont(this->Win.Small());
+  if (ImGui::BeginTabBar("tabs", ImGuiTabBarFlags_FittingPolicyScroll))
   {
     const auto tab = [&](const char* name, void (Viewer::*draw)())
     {
@@ -1060,19 +1070,22 @@ void Viewer::RightPanel(const ImVec2& min, const ImVec2& max)
       if (shown)
       {
         open = name;
+        ImGui::PopFont();
         ImGui::BeginChild("body", ImVec2(0, 0), false);
         (this->*draw)();
         ImGui::EndChild();
+        ImGui::PushFont(this->Win.Small());
         ImGui::EndTabItem();
       }
     };
-    tab("Properties", &Viewer::PropertiesTab);
+    tab("Node", &Viewer::PropertiesTab);
     tab("Pixel", &Viewer::Inspector);
     tab("Compare", &Viewer::ComparePanel);
     tab("Trade", &Viewer::TradeTab);
     tab("Pipeline", &Viewer::PipelineTab);
     ImGui::EndTabBar();
   }
+  ImGui::PopFont();
   if (!open.empty())
   {
     if (open == this->WantedTab)

@@ -515,7 +515,10 @@ bool Window::Frame(const std::function<void()>& ui)
   ImGui::NewFrame();
   ui();
   ImGui::Render();
-  this->View->Render();
+  if (!this->Blind)
+  {
+    this->View->Render();
+  }
   return !this->Closing;
 }
 
@@ -523,8 +526,12 @@ std::vector<std::uint8_t> Window::Pixels(int& width, int& height)
 {
   width = this->Width();
   height = this->Height();
+  if (this->Blind)
+  {
+    this->View->Render();
+  }
   vtkNew<vtkUnsignedCharArray> data;
-  this->View->GetPixelData(0, 0, width - 1, height - 1, this->OffScreen ? 0 : 0, data, 0);
+  this->View->GetPixelData(0, 0, width - 1, height - 1, 0, data, 0);
   std::vector<std::uint8_t> out(std::size_t(width) * std::size_t(height) * 3);
   for (int y = 0; y < height; ++y)
   {

@@ -87,6 +87,8 @@ public:
   bool HasEvents() const { return !this->Queue.empty(); }
   /// Asks the system for events without drawing; true when some came.
   bool Poll();
+  /// Frames are laid out but not painted: scripts that nobody watches. Pixels and Screenshot paint the last one.
+  void SetBlind(bool blind) { this->Blind = blind; }
   void Close() { this->Closing = true; }
   void KeepOpen() { this->Closing = false; }
   bool IsClosing() const { return this->Closing; }
@@ -136,7 +138,7 @@ private:
   std::function<void(const WindowEvent&)> Recorder;
   bool Closing = false;
   bool OffScreen = false;
-  bool Arrived = false;
+  bool Arrived = false, Blind = false;
   double LastTime = 0;
   std::string LastTitle;
 };
