@@ -18,7 +18,7 @@ packages=(g++ cmake ninja-build ccache
   libimgui-dev pkg-config fonts-dejavu-core xvfb xauth)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
-usage() { sed -n '3,9s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
+usage() { sed -n '3,10s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
 
 install_missing() {
   local missing=() p
