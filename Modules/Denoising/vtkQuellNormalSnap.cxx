@@ -14,7 +14,8 @@ enum Port
   Normal,
   Depth,
   Position,
-  Id
+  Id,
+  VarianceNormal
 };
 }
 
@@ -26,18 +27,26 @@ void vtkQuellNormalSnap::Describe(quell::StageDescription& d)
   d.Details =
     "A mean of unit normals is shorter than 1 where they differ (`E|n - mean|^2 = 1 - |mean|^2`). On creases and "
     "silhouettes it is like none of the surfaces, so guided filters find no taps, history is refused, and edges stay "
-    "ragged with noise. A normal shorter than 0.99 becomes that of the neighbour q in 5 x 5 pixels with the largest "
-    "`exp(-D^2 / 2 SigmaDepth^2 - |q - p|^2 / 2) n(p) . n(q)`, D the distance of p from q's plane relative to depth "
-    "(without positions: the difference of ln z), of the pixel's id, hit, and with a normal of length 1; without such "
-    "a neighbour it is made unit. Filters then treat the pixel's light as that of one surface; the albedo, mixed as it "
-    "is, keeps the edge smooth. Normals of length 1 and pixels without a hit stay; one that is not finite becomes 0.";
+    "ragged with noise. A normal shorter than 0.99, or one whose `varianceNormal` is above MixedVariance, becomes that "
+    "of the neighbour q in 5 x 5 pixels with the largest `exp(-D^2 / 2 SigmaDepth^2 - |q - p|^2 / 2) n(p) . n(q)`, D "
+    "the "
+    "distance of p from q's plane relative to depth (without positions: the difference of ln z), of the pixel's id, "
+    "hit, "
+    "and not mixed itself; without such a neighbour it is made unit. Filters then treat the pixel's light as that of "
+    "one "
+    "surface; the albedo, mixed as it is, keeps the edge smooth. Other normals and pixels without a hit stay; a normal "
+    "that is not finite becomes 0.";
   d.Input("normal", quell::ArrayKind::Normal, "normal", "mean normals of the pixels' samples");
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "tells which surface to take");
   d.OptionalInput(
     "position", quell::ArrayKind::Position, "position", "with depth: compares by plane distance instead of depth");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never takes the normal of another id");
+  d.OptionalInput("varianceNormal", quell::ArrayKind::Any, "varianceNormal",
+    "of the pixel's mean normal, per component or averaged: tells mixed pixels where the source makes normals unit");
   d.Output("normal", quell::ArrayKind::Normal, "normals of single surfaces");
   QUELL_DOUBLE(d, SigmaDepth, "", "standard deviation of plane distance or depth, relative to depth");
+  QUELL_DOUBLE(
+    d, MixedVariance, "", "variance of the mean normal from which a pixel is mixed, where varianceNormal is connected");
 }
 
 vtkQuellNormalSnap::vtkQuellNormalSnap()
@@ -52,6 +61,10 @@ int vtkQuellNormalSnap::HaloFor(int) const
 
 void vtkQuellNormalSnap::Execute(quell::StageFrame& frame)
 {
+  const quell::ImageIn variance = frame.Input(VarianceNormal);
+  if (variance && variance.components != 1 && variance.components != 3)
+    throw quell::StageError(
+      "input \"varianceNormal\" wants 1 or 3 components, not " + std::to_string(variance.components));
   this->NonFinite.Reset();
   this->Superclass::Execute(frame);
   this->NonFinite.Report(this->Counters, this->Warnings, "normal");
@@ -64,7 +77,9 @@ void vtkQuellNormalSnap::ExecuteTile(const quell::StageFrame& frame, const quell
   in.depth = frame.Input(Depth);
   in.position = frame.Input(Position);
   in.id = frame.Input(Id);
+  in.variance = frame.Input(VarianceNormal);
   quell::SnapNormalsParameters p;
   p.sigmaDepth = this->SigmaDepth;
+  p.mixedVariance = this->MixedVariance;
   this->NonFinite.Add(quell::SnapNormals(in, p, frame.Output("normal"), tile));
 }

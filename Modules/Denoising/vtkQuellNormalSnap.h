@@ -5,14 +5,15 @@
  *
  * The mean of the unit normals of a pixel's samples has length 1 only where they agree. On creases and silhouettes it
  * is like the normals of none of the surfaces: guided filters find no taps there, history is refused, and the pixel
- * stays as noisy as it came. Normals shorter than 0.99 are replaced by the normal of the neighbour, within 5 x 5
- * pixels, that fits the pixel's depth (or position) and id and is most like the mean; see quellSnapNormals.h for the
- * formula. Filters then treat the pixel's light as that of this one surface; the albedo, mixed as it is, keeps the edge
- * smooth once it is multiplied again.
+ * stays as noisy as it came. Normals shorter than 0.99 (or, where a source makes normals unit, those whose variance
+ * says that the samples' differ) are replaced by the normal of the neighbour, within 5 x 5 pixels, that fits the
+ * pixel's depth (or position) and id and is most like the mean; see quellSnapNormals.h for the formula. Filters then
+ * treat the pixel's light as that of this one surface; the albedo, mixed as it is, keeps the edge smooth once it is
+ * multiplied again.
  *
  * Inputs: normal (port 0); optional depth, position (instead of depth: distance from the neighbour's plane), id, all of
- * one sample of the pixel or as good. Output: normal. Border: neighbours outside are no candidates. A normal that is
- * not finite becomes 0. Normals of length 1 and pixels without a hit stay to the last bit.
+ * one sample of the pixel or as good, and varianceNormal. Output: normal. Border: neighbours outside are no candidates.
+ * A normal that is not finite becomes 0. Normals of pixels that are not mixed, or without a hit, stay to the last bit.
  */
 #ifndef vtkQuellNormalSnap_h
 #define vtkQuellNormalSnap_h
@@ -31,6 +32,12 @@ public:
   vtkGetMacro(SigmaDepth, double);
   ///@}
 
+  ///@{ Variance per component of the mean normal from which a pixel is mixed, where the variance is connected; default
+  /// 0.001, range [0, 1].
+  vtkSetClampMacro(MixedVariance, double, 0., 1.);
+  vtkGetMacro(MixedVariance, double);
+  ///@}
+
   int HaloFor(int port) const override;
 
 protected:
@@ -40,7 +47,7 @@ protected:
   void ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const override;
 
 private:
-  double SigmaDepth = 0.02;
+  double SigmaDepth = 0.02, MixedVariance = 1e-3;
   quell::PixelCount NonFinite;
 
   vtkQuellNormalSnap(const vtkQuellNormalSnap&) = delete;

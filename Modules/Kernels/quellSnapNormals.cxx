@@ -14,6 +14,19 @@ double LengthOf(const float* n) noexcept
   return std::sqrt(double(n[0]) * n[0] + double(n[1]) * n[1] + double(n[2]) * n[2]);
 }
 
+bool IsMixed(const SnapNormalsInputs& in, const SnapNormalsParameters& p, int x, int y, double length) noexcept
+{
+  if (!(length >= MixedNormalLength && length < 1e18))
+    return true;
+  if (!in.variance)
+    return false;
+  const float* const v = in.variance.at(x, y);
+  double sum = 0;
+  for (int c = 0; c < in.variance.components; ++c)
+    sum += v[c];
+  return sum / in.variance.components > p.mixedVariance; // not a number: not mixed
+}
+
 /// The normal to take, or null.
 const float* BestAround(const SnapNormalsInputs& in, const SnapNormalsParameters& p, int x, int y) noexcept
 {
@@ -30,7 +43,7 @@ const float* BestAround(const SnapNormalsInputs& in, const SnapNormalsParameters
         continue;
       const float* const q = in.normal.at(qx, qy);
       const double length = LengthOf(q);
-      if (!(length >= MixedNormalLength && length < 1e18))
+      if (IsMixed(in, p, qx, qy, length))
         continue;
       const double along = (double(n[0]) * q[0] + double(n[1]) * q[1] + double(n[2]) * q[2]) / length;
       double apart = 0;
@@ -70,7 +83,8 @@ std::int64_t SnapNormals(
       bad += !finite;
       for (int c = 0; c < 3; ++c)
         made[c] = finite ? n[c] : 0.f;
-      if (!(length > 0 && length < MixedNormalLength) || (in.depth && !Finite(*in.depth.at(x, y))))
+      if (!finite || length == 0 || length >= 1e18 || !IsMixed(in, p, x, y, length) ||
+          (in.depth && !Finite(*in.depth.at(x, y))))
         continue;
       const float* const taken = BestAround(in, p, x, y);
       const double scale = 1 / (taken ? LengthOf(taken) : length);

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <iterator>
+#include <set>
 #include <stdexcept>
 
 namespace
@@ -139,6 +141,33 @@ TEST(FilterStudy, SingleSamplesAreThoseOfThePixel)
   EXPECT_GT(energy, 100);
   EXPECT_NEAR(filtered / energy, 1, .1);
   EXPECT_GT(s.Mixed, .05);
+}
+
+// Every filter of the registry is a case of the report; what changes no light on its own is named here.
+TEST(FilterStudy, EveryFilterStageIsACase)
+{
+  const std::set<std::string> others = { "AlbedoDemodulate", "AlbedoModulate", "AovSplit", "EmissionSplit", "Sum",
+    "Reproject" };
+  std::string files;
+  for (const char* name : { "filters.xml", "samples.xml", "temporal.xml" })
+  {
+    std::ifstream in(std::string(QUELL_SOURCE_DIR) + "/Testing/FilterStudy/" + name);
+    files.append(std::istreambuf_iterator<char>(in), {});
+  }
+  std::ifstream in(std::string(QUELL_SOURCE_DIR) + "/Documentation/filters.md");
+  const std::string page(std::istreambuf_iterator<char>(in), {});
+  const quell::StageRegistry registry = quell::StudyRegistry();
+  int cases = 0;
+  for (const std::string& type : registry.Types())
+  {
+    const std::string& category = registry.Describe(type)->Category;
+    if ((category != "Denoising" && category != "Temporal") || others.count(type))
+      continue;
+    ++cases;
+    EXPECT_NE(files.find("doc=\"" + type + ": "), std::string::npos) << "no case of the study is of " << type;
+    EXPECT_NE(page.find("| " + type + " | "), std::string::npos) << "./bootstrap.sh report filters: no row of " << type;
+  }
+  EXPECT_GT(cases, 12);
 }
 
 TEST(FilterStudy, MistakesAreTold)

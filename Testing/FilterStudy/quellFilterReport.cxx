@@ -170,6 +170,7 @@ private:
   void Edges(std::ostream& out, const Study& sharp, const Study& lens) const;
   void Time(std::ostream& out) const;
   void Samples(std::ostream& out) const;
+  void Layers(std::ostream& out) const;
   void Picture2(
     const std::string& name, const Study& a, const StudyCase& ca, const Study& b, const StudyCase& cb) const;
   std::string Images() const { return this->Source + "/Documentation/images/filters"; }
@@ -194,8 +195,9 @@ void Report::Picture2(
 void Report::Frames(std::ostream& out) const
 {
   const Study box = this->Run("filters.xml", { "Cornell box", "cornell-box.gltf", {} });
-  const Study gallery = this->Run(
-    "filters.xml", { "material gallery", "material-gallery.gltf", { { "width", "160" }, { "height", "90" } } });
+  const Study gallery =
+    this->Run("filters.xml", { "material gallery", "material-gallery.gltf",
+                               { { "width", "160" }, { "height", "90" }, { "length", "1" }, { "luminance", "0.6" } } });
   out << "## One frame\n\nEvery case filters the light (direct + indirect); what the camera sees of lamps and sky "
          "(emission) is added after.\n\n**Cornell box** ("
       << About(box) << "):\n\n"
@@ -205,8 +207,9 @@ void Report::Frames(std::ostream& out) const
   out << "\n**Material gallery** (" << About(gallery) << "):\n\n" << TableHead;
   for (const StudyCase& c : gallery.Cases)
     out << Row(c, gallery.Cases[0]);
-  const Study lens = this->Run("filters.xml", { "material gallery, lens", "material-gallery.gltf",
-                                                { { "width", "160" }, { "height", "90" }, { "lens", "0.06" } } });
+  const Study lens = this->Run("filters.xml",
+    { "material gallery, lens", "material-gallery.gltf",
+      { { "width", "160" }, { "height", "90" }, { "length", "1" }, { "luminance", "0.6" }, { "lens", "0.06" } } });
   this->Edges(out, gallery, lens);
   out << "\nThe cases are the outputs of [`filters.xml`](../Testing/FilterStudy/filters.xml), which shows every "
          "setting.\n\n";
@@ -238,9 +241,10 @@ void Report::Edges(std::ostream& out, const Study& sharp, const Study& lens) con
        "surfaces (variance of their normals or albedos above 0.01: "
     << Percent(sharp.Mixed, 1).substr(1) << " of the pixels with the pinhole, " << Percent(lens.Mixed, 1).substr(1)
     << " with the lens). A mixed pixel's normal, albedo and depth are means of unlike things: guides that match nobody "
-       "leave it as noisy as it came, guides that match anybody smear it. Two ways out: filter samples before they "
-       "are averaged ([below](#accumulated-or-individual-samples)), or widen a guide's tolerance by its own variance "
-       "(`varianceAlbedo`, `varianceNormal`).\n\n"
+       "leave it as noisy as it came, guides that match anybody smear it. Ways out: filter samples before they are "
+       "averaged ([below](#accumulated-or-individual-samples); [a picture](frames.md#a-lens-out-of-focus)), widen a "
+       "guide's tolerance by its own variance (`varianceAlbedo`, `varianceNormal`), or give the pixel the normal of "
+       "one of its surfaces (case `snapped`: `NormalSnap`).\n\n"
        "| case | pinhole, all | pinhole, mixed | lens, all | lens, mixed |\n|---|---:|---:|---:|---:|\n";
   const StudyCase &a0 = sharp.Cases[0], &b0 = lens.Cases[0];
   for (std::size_t i = 0; i < sharp.Cases.size(); ++i)
@@ -317,6 +321,48 @@ void Report::Samples(std::ostream& out) const
   }
 }
 
+void Report::Layers(std::ostream& out) const
+{
+  out << "## Layers apart\n\n"
+         "One filter (twice bilateral, [`library.xml`](../Data/Pipelines/library.xml)) on all light together, with "
+         "narrow "
+         "and with wide kernels, and on layers apart with kernels of their own: narrow where shadows fall, wide where "
+         "light has bounced, narrowest where mirrors reflect. Emission is never filtered. Settings: "
+         "[`layers.xml`](../Testing/FilterStudy/layers.xml), those of the shipped `layers-*.xml`.\n\n";
+  const std::vector<Scene> scenes = { { "Material gallery", "material-gallery.gltf", {} },
+    { "Cornell box", "cornell-box.gltf", { { "width", "128" }, { "height", "128" } } } };
+  for (const Scene& scene : scenes)
+  {
+    const Study s = this->Run("layers.xml", scene);
+    out << "**" << scene.Title << "** (" << About(s) << "):\n\n"
+        << "| case | what | bias² | variance | relMSE | of unfiltered | energy | biased pixels "
+           "|\n|---|---|---:|---:|---:|---:|---:|---:|\n";
+    for (const StudyCase& c : s.Cases)
+      out << "| " << c.Name << " | " << What(c) << " | " << Number(c.Bias2) << " ± " << Number(c.Bias2Error) << " | "
+          << Number(c.Variance) << " | " << Number(c.Error()) << " | " << Number(c.Error() / s.Cases[0].Error())
+          << " | " << Percent(c.Energy) << " ± " << Percent(c.EnergyError).substr(1) << " | "
+          << Percent(c.Biased, 1).substr(1) << " |\n";
+    const StudyCase &narrow = *s.Find("together-narrow"), &wide = *s.Find("together-wide"),
+                    &apart = *s.Find("direct-indirect"), &lobes = *s.Find("diffuse-specular");
+    out << "\nDirect and indirect light apart: " << Number(apart.Variance / narrow.Variance)
+        << " times the variance and " << Number(apart.Bias2 / narrow.Bias2)
+        << " times the bias² of narrow kernels on everything, " << Number(apart.Variance / wide.Variance) << " and "
+        << Number(apart.Bias2 / wide.Bias2) << " times those of wide ones. By relMSE the best case is "
+        << std::min_element(s.Cases.begin(), s.Cases.end(),
+             [](const StudyCase& a, const StudyCase& b) { return a.Error() < b.Error(); })
+             ->Name
+        << "; the least bias of the filtered ones has "
+        << (lobes.Bias2 < apart.Bias2 && lobes.Bias2 < narrow.Bias2 ? lobes.Name
+             : apart.Bias2 < narrow.Bias2                           ? apart.Name
+                                                                    : narrow.Name)
+        << ".\n\n";
+  }
+  out
+    << "Layers apart lie between the two in both: they choose where to be on that line for each kind of light, they do "
+       "not leave it. What they win shows where the kinds differ (mirrors next to walls, sharp shadows under soft "
+       "light) and is lost where wide kernels blur indirect light more than its noise is worth.\n\n";
+}
+
 void Report::Write() const
 {
   std::filesystem::create_directories(this->Images());
@@ -339,6 +385,7 @@ void Report::Write() const
   this->Frames(out);
   this->Time(out);
   this->Samples(out);
+  this->Layers(out);
   const std::string page = this->Source + "/Documentation/filters.md";
   std::ofstream file(page);
   file << out.str();

@@ -148,3 +148,29 @@ TEST(SnapNormals, ExtremesAndTiles)
     EXPECT_TRUE(parts == whole);
   }
 }
+
+// A source that makes its means unit tells by their variance which are means of unlike normals.
+TEST(SnapNormals, VarianceTellsWhereNormalsAreUnit)
+{
+  Corner corner(0.3f, false);
+  Image variance(corner.normal.extent, 3);
+  for (int y = 0; y < 9; ++y)
+  {
+    float* const n = corner.normal.at(7, y);
+    const float length = std::sqrt(n[1] * n[1] + n[2] * n[2]);
+    n[1] /= length, n[2] /= length;
+    variance.fill(7, y, y == 0 ? NaN : 0.02f);
+  }
+  quell::SnapNormalsInputs in = corner.inputs();
+  EXPECT_TRUE(Snapped(in) == corner.normal) << "unit normals tell nothing";
+  in.variance = variance;
+  const Image out = Snapped(in);
+  EXPECT_EQ(out.at(7, 0)[1], corner.normal.at(7, 0)[1]) << "not a number: not known to be mixed";
+  for (int y = 3; y < 9; ++y) // beyond the reach of that one
+    EXPECT_EQ(out.at(7, y)[1], 1.f) << y;
+  quell::SnapNormalsParameters loose;
+  loose.mixedVariance = 0.1;
+  Image same(corner.normal.extent, 3);
+  quell::SnapNormals(in, loose, same, same.extent);
+  EXPECT_TRUE(same == corner.normal);
+}
