@@ -2060,16 +2060,40 @@ private:
     }
   }
 
+  /// The connection that gives a node its frame; null: none.
+  const GraphEdge* MainInput(int n) const
+  {
+    for (const GraphEdge& e : this->Result->Nodes[std::size_t(n)].Inputs)
+    {
+      if (e.Port == 0 && e.Connection == 0)
+      {
+        return &e;
+      }
+    }
+    return nullptr;
+  }
+
+  /// Made from the source down, not by recursion: a pipeline may be a chain of thousands of nodes.
   const Available& ArraysOf(int n)
   {
-    Available& a = this->Availables[n];
-    if (a.State)
+    std::vector<int> chain;
+    for (int at = n; at >= 0 && this->Availables[at].State == 0;)
     {
-      // In a loop (an error of its own) nothing is known.
-      a.Known = a.Known && a.State == 2;
-      return a;
+      this->Availables[at].State = 1;
+      chain.push_back(at);
+      const GraphEdge* input = this->MainInput(at);
+      at = input ? input->Producer : -1;
     }
-    a.State = 1;
+    for (auto at = chain.rbegin(); at != chain.rend(); ++at)
+    {
+      this->MakeArrays(*at);
+    }
+    return this->Availables[n];
+  }
+
+  void MakeArrays(int n)
+  {
+    Available& a = this->Availables[n];
     const GraphNode& node = this->Result->Nodes[std::size_t(n)];
     std::set<std::string> seen;
     const auto add = [&](const std::vector<OutputArray>& arrays)
@@ -2103,33 +2127,26 @@ private:
         }
       }
     }
-    bool connected = false;
-    for (const GraphEdge& e : node.Inputs)
+    const GraphEdge* input = this->MainInput(n);
+    if (!input)
     {
-      if (e.Port == 0 && e.Connection == 0)
-      {
-        connected = true;
-        if (e.Producer < 0)
-        {
-          a.Known = false;
-          break;
-        }
-        // The recursion may add to the map; std::map keeps references valid.
-        const Available& before = this->ArraysOf(e.Producer);
-        if (this->Spend(ConnectionWork * before.Arrays.size(), node.Place, this->Items[std::size_t(n)].About))
-        {
-          add(before.Arrays);
-        }
-        a.Known = a.Known && before.Known;
-        break;
-      }
+      a.Known = a.Known && node.Description().Inputs.empty();
     }
-    if (!connected && !node.Description().Inputs.empty())
+    else if (input->Producer < 0)
     {
       a.Known = false;
     }
+    else
+    {
+      const Available& before = this->Availables[input->Producer];
+      if (this->Spend(ConnectionWork * before.Arrays.size(), node.Place, this->Items[std::size_t(n)].About))
+      {
+        add(before.Arrays);
+      }
+      // Within a loop (an error of its own) nothing is known.
+      a.Known = a.Known && before.Known && before.State == 2;
+    }
     a.State = 2;
-    return a;
   }
 
   /// The array that a connection reads: named, or the producer's primary one. Null after a mistake (reported here).
