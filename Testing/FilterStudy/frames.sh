@@ -60,8 +60,8 @@ block=54,107,116,219 caustic=28,198,54,218 shadow=100,205,170,255
 cat >&3 <<TEXT
 # Frames with references
 
-Made by \`./bootstrap.sh report frames\` from the frames in \`../shared/data\` and from renders of its own; nothing here is
-measured by hand. relMSE is the mean of (a - r)² / (r² + 0.01); relMSE@0.1% leaves out the worst 0.1 % of the pixels.
+Made by \`./bootstrap.sh report frames\` from the frames in \`../shared/data\` and from renders of its own; no figure in a
+table is written by hand. relMSE is the mean of (a - r)² / (r² + 0.01); relMSE@0.1% leaves out the worst 0.1 % of the pixels.
 
 ## A room by Cycles
 
@@ -118,8 +118,8 @@ TEXT
   lose the part of the light that the brackets tell, and the patch's outline with it. The sequence keeps nearly all of its
   light, as what eight frames found adds up before it is filtered; but the a-trous passes let brightness differ by so many
   standard deviations, which are large there, so the outline is blurred all the same.
-- **The shadow** moves with its block. Direct light forgets half of its history every frame; a longer one lags behind
-  visibly.
+- **The shadow** moves with its block, and there the past is wrong: one frame alone is nearer to the reference. Direct light
+  forgets half of its history every frame; a longer history lags behind visibly.
 
 ### The background has no history
 
