@@ -760,14 +760,13 @@ std::string SequencePath(const std::string& pattern, int tick)
   return pattern.substr(0, first) + digits + pattern.substr(last + 1);
 }
 
-std::string SequenceSample(const std::string& pattern, int tick)
+std::vector<int> SequenceNumbers(const std::string& pattern)
 {
-  const std::string wanted = SequencePath(pattern, tick);
-  std::error_code error;
-  if (wanted == pattern || std::filesystem::exists(wanted, error))
-    return wanted;
+  std::vector<int> numbers;
+  if (SequencePath(pattern, 0) == pattern)
+    return numbers;
   const std::filesystem::path folder = std::filesystem::path(pattern).parent_path();
-  long long lowest = -1;
+  std::error_code error;
   for (std::filesystem::directory_iterator file(folder.empty() ? "." : folder, error), end; !error && file != end;
        file.increment(error))
   {
@@ -776,13 +775,50 @@ std::string SequenceSample(const std::string& pattern, int tick)
     std::size_t at = std::mismatch(name.begin(), name.end(), pattern.begin(), pattern.end()).first - name.begin();
     while (at > 0 && std::isdigit(static_cast<unsigned char>(name[at - 1])))
       --at;
+    if (at > 0 && at < name.size() && name[at - 1] == '-')
+      --at;
     int number = 0;
     const auto parsed = std::from_chars(name.data() + at, name.data() + name.size(), number);
-    if (parsed.ec == std::errc() && number >= 0 && (lowest < 0 || number < lowest) &&
-        SequencePath(pattern, number) == name)
-      lowest = number;
+    if (parsed.ec == std::errc() && SequencePath(pattern, number) == name)
+      numbers.push_back(number);
   }
-  return lowest < 0 ? wanted : SequencePath(pattern, int(lowest));
+  std::sort(numbers.begin(), numbers.end());
+  return numbers;
+}
+
+std::string SequenceSample(const std::string& pattern, int tick)
+{
+  const std::string wanted = SequencePath(pattern, tick);
+  std::error_code error;
+  if (wanted == pattern || std::filesystem::exists(wanted, error))
+    return wanted;
+  const std::vector<int> numbers = SequenceNumbers(pattern);
+  return numbers.empty() ? wanted : SequencePath(pattern, numbers.front());
+}
+
+std::string SequenceFile(const std::string& pattern, int tick)
+{
+  const std::string path = SequencePath(pattern, tick);
+  std::error_code error;
+  if (path == pattern || std::filesystem::exists(path, error))
+    return path;
+  const std::vector<int> numbers = SequenceNumbers(pattern);
+  std::string ranges;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < numbers.size();)
+  {
+    std::size_t end = i + 1;
+    while (end < numbers.size() && numbers[end] == numbers[end - 1] + 1)
+      ++end;
+    if (++count <= 8)
+      ranges += (ranges.empty() ? "" : ", ") + std::to_string(numbers[i]) +
+                (end - i > 1 ? ":" + std::to_string(numbers[end - 1]) : std::string());
+    i = end;
+  }
+  throw StageError("frame " + std::to_string(tick) + " of \"" + pattern + "\" is missing: there is no \"" + path +
+                   "\"; the sequence has " +
+                   (numbers.empty() ? "no files" : (numbers.size() > 1 ? "frames " : "frame ") + ranges) +
+                   (count > 8 ? " and more" : ""));
 }
 
 namespace

@@ -144,6 +144,12 @@ VTKQUELLIO_EXPORT void WriteImageFile(const std::string& path, vtkImageData* ima
 /// Replaces the last run of `#` in the file name by the tick, padded with zeros to at least that many digits.
 VTKQUELLIO_EXPORT std::string SequencePath(const std::string& pattern, int tick);
 
+/// The numbers of the files of a sequence, in order; empty for a name without `#`.
+VTKQUELLIO_EXPORT std::vector<int> SequenceNumbers(const std::string& pattern);
+
+/// The file of `tick`; StageError with the frames that there are where it is missing.
+VTKQUELLIO_EXPORT std::string SequenceFile(const std::string& pattern, int tick);
+
 /// The file of `tick`, or where it does not exist the file of the sequence with the lowest number, if there is any.
 VTKQUELLIO_EXPORT std::string SequenceSample(const std::string& pattern, int tick);
 }

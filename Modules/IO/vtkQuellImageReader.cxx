@@ -72,7 +72,9 @@ quell::ReadOptions OptionsOf(vtkQuellImageReader* reader)
 void vtkQuellImageReader::DescribeSource(int& width, int& height)
 {
   const quell::ReadOptions options = OptionsOf(this);
-  const quell::ReadReport header = quell::ReadImageHeader(quell::SequencePath(this->File, this->Ticks.First), options);
+  // A run may begin in the middle of a sequence, and the sequence itself anywhere: all frames have one size.
+  const quell::ReadReport header =
+    quell::ReadImageHeader(quell::SequenceSample(this->File, this->Ticks.First), options);
   width = header.Width;
   height = header.Height;
 }
@@ -132,7 +134,7 @@ void vtkQuellImageReader::Execute(quell::StageFrame& frame)
   options.Region = frame.Region();
   if (options.Region.empty() || options.Arrays.empty())
     return;
-  const std::string path = quell::SequencePath(this->File, frame.Tick());
+  const std::string path = quell::SequenceFile(this->File, frame.Tick());
   // The size is checked first: the region refers to the frame that was announced.
   const quell::ReadReport header = quell::ReadImageHeader(path, options);
   if (header.Width != frame.Whole().width() || header.Height != frame.Whole().height())

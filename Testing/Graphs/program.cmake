@@ -12,3 +12,15 @@ function (quell status text)
     message(FATAL_ERROR "quell ${ARGN}\nexpected status ${status} and \"${text}\"\nstatus ${result}\n${said}")
   endif ()
 endfunction ()
+
+# expect(<what is wrong otherwise> condition...)
+function (expect what)
+  if (NOT (${ARGN}))
+    message(FATAL_ERROR "${what}")
+  endif ()
+endfunction ()
+
+# Two images are the same in every bit of every pixel.
+function (same a b)
+  quell(0 "relMSE" compare ${a} ${b} --metric relMSE --max relMSE=0)
+endfunction ()

@@ -2,14 +2,6 @@
 # A run that fails in the middle goes on where it stopped, refuses to go on with anything else, and gives the same pixels as
 # an uninterrupted one; what it wrote can be run again by itself.
 include("${CMAKE_CURRENT_LIST_DIR}/program.cmake")
-function (expect what)
-  if (NOT (${ARGN}))
-    message(FATAL_ERROR "${what}")
-  endif ()
-endfunction ()
-function (same a b)
-  quell(0 "relMSE" compare ${a} ${b} --metric relMSE --max relMSE=0)
-endfunction ()
 
 file(WRITE "${WORK}/noise.xml" [=[<pipeline version="1">
   <variable name="scene" type="path" default="scene.gltf"/>
