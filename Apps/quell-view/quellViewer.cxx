@@ -523,7 +523,7 @@ void Viewer::TakeResults()
       {
         if (n.Counters.Executions > 0)
         {
-          this->Points.Learn(n.Path, n.Counters.Seconds);
+          this->Points.Learn(n.Path, n.Counters.Seconds, n.Counters.Rays);
         }
       }
       if (this->Playing && !this->Camera)

@@ -280,6 +280,10 @@ void Viewer::ImageToolbar()
   if (this->Compared != CompareMode::Off)
   {
     ImGui::SameLine();
+    if (ImGui::GetContentRegionAvail().x < this->S(150))
+    {
+      ImGui::NewLine();
+    }
     ImGui::SetNextItemWidth(this->S(150));
     const std::string bText = this->BFrom == SourceB::Node
                                 ? (this->B.Node.empty() ? "choose B" : this->B.Node + (this->B.Array.empty() ? "" : ":" + this->B.Array))
@@ -296,7 +300,7 @@ void Viewer::ImageToolbar()
           this->OpenFileDialog("reference", "Compare with", ".exr .hdr .png .jpg .pfm");
         }
       }
-      this->Mark("b/reference");
+      this->Mark("source/reference");
       if (this->Reference && ImGui::Selectable("another reference file\u2026"))
       {
         this->OpenFileDialog("reference", "Compare with", ".exr .hdr .png .jpg .pfm");
@@ -307,7 +311,7 @@ void Viewer::ImageToolbar()
         this->KeptName = this->A.Node;
         this->BFrom = SourceB::Kept;
       }
-      this->Mark("b/keep");
+      this->Mark("source/keep");
       if (this->Kept && ImGui::Selectable(("kept: " + this->KeptName).c_str()))
       {
         this->BFrom = SourceB::Kept;

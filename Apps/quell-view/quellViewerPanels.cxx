@@ -773,23 +773,14 @@ void Viewer::AddTradePoint()
     TradePoint point;
     point.Document = this->LastGood->Document;
     point.Error = e.second;
-    point.Milliseconds = FrameMilliseconds(*this->LastGood);
     point.Tick = this->LastGood->Tick;
     point.Target = this->A;
     const std::vector<TradePoint>& all = this->Points.All();
     point.Label = all.empty() ? "as opened" : ChangeText(*all.front().Document, *point.Document);
-    // Only frames that were made whole say what a state costs; where the path tracer was not asked again its time is
-    // that of the frame before.
+    // What was kept from the frame before took its time then.
     for (const ViewFrame::Node& n : this->LastGood->Nodes)
     {
-      if (n.Counters.Executions == 0)
-      {
-        point.Milliseconds += 1000 * this->Points.KnownSeconds(n.Path);
-      }
-      else
-      {
-        this->Points.Learn(n.Path, n.Counters.Seconds);
-      }
+      point.Milliseconds += 1000 * this->Points.KnownSeconds(n.Path);
     }
     this->Points.Add(point);
     this->PointOf = this->LastGood->Number;
@@ -834,7 +825,7 @@ void Viewer::TradeTab()
       lines.push_back({ top, n.Type, 0, 0, false });
       at = lines.end() - 1;
     }
-    const double seconds = n.Counters.Executions ? n.Counters.Seconds : this->Points.KnownSeconds(n.Path);
+    const double seconds = this->Points.KnownSeconds(n.Path);
     at->Ms += 1000 * seconds;
     at->Bytes += n.Bytes + double(n.Counters.Held);
     at->Ran = at->Ran || n.Counters.Executions > 0;

@@ -7,6 +7,7 @@
 #include "quellRenderSession.h"
 #include "vtkQuellViewModule.h"
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -38,7 +39,15 @@ public:
   void Remove(int index);
 
   ///@{ How long nodes took when they ran: a frame that only an edit below them made says nothing about it.
-  void Learn(const std::string& node, double seconds) { this->Seconds[node] = seconds; }
+  /// An execution that only added arrays to what was traced before (far fewer rays) does not count.
+  void Learn(const std::string& node, double seconds, std::int64_t rays = 0)
+  {
+    if (2 * rays >= this->Rays[node])
+    {
+      this->Seconds[node] = seconds;
+      this->Rays[node] = rays;
+    }
+  }
   double KnownSeconds(const std::string& node) const
   {
     const auto at = this->Seconds.find(node);
@@ -49,6 +58,7 @@ public:
 private:
   void Mark();
   std::map<std::string, double> Seconds;
+  std::map<std::string, std::int64_t> Rays;
   std::vector<TradePoint> Points;
 };
 
