@@ -38,8 +38,33 @@ std::string Diagnostic::ToText() const
   return text;
 }
 
+namespace
+{
+/// Control characters as \xNN: names of files and words of stages come as they are, and a message is one line.
+std::string Visible(const std::string& text)
+{
+  std::string out;
+  for (unsigned char c : text)
+  {
+    if (c >= 0x20 && c != 0x7F)
+    {
+      out += char(c);
+      continue;
+    }
+    char code[8];
+    std::snprintf(code, sizeof code, "\\x%02X", unsigned(c));
+    out += code;
+  }
+  return out;
+}
+}
+
 void Diagnostics::Add(Diagnostic d)
 {
+  for (std::string* text : { &d.Where, &d.What, &d.Hint })
+  {
+    *text = Visible(*text);
+  }
   for (const Diagnostic& known : this->Messages)
   {
     if (known.Level == d.Level && known.Place.Line == d.Place.Line && known.Place.Column == d.Place.Column &&
@@ -124,16 +149,7 @@ std::string Quoted(const std::string& text)
       out += "...";
       break;
     }
-    if (c < 0x20 || c == 0x7F)
-    {
-      char code[8];
-      std::snprintf(code, sizeof code, "\\x%02X", unsigned(c));
-      out += code;
-    }
-    else
-    {
-      out += char(c);
-    }
+    out += Visible(std::string(1, char(c)));
   }
   return out + "\"";
 }

@@ -230,7 +230,8 @@ void FuzzMutator::AddBlock(std::string& text)
   const std::size_t at = text.find("</pipeline>");
   if (at == std::string::npos)
     return;
-  const std::size_t n = 1 + this->Below(this->Below(20) ? 12 : 300), ways = 1 + this->Below(3);
+  // Mostly few: what multiplies until the program refuses takes a hundred times as long as any other document.
+  const std::size_t n = 1 + this->Below(this->Below(100) ? 6 : 300), ways = 1 + this->Below(3);
   std::string block;
   const auto name = [](const char* stem, std::size_t i) { return stem + std::to_string(i); };
   switch (this->Below(4))

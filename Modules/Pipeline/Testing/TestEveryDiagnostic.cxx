@@ -298,6 +298,13 @@ TEST(EveryDiagnostic, Warnings)
     "p.xml:3:34: warning: instance \"i\": feeds no output and will not run\n");
 }
 
+// Found by mutating files: a message is one line whatever a file is called.
+TEST_F(EveryDiagnosticFiles, NamesWithLineEnds)
+{
+  this->Write("p.xml", "<pipeline version=\"1\">\n<include file=\"a&#10;b\"/></pipeline>");
+  EXPECT_EQ(this->Of("p.xml"), "p.xml:2:10: error: include \"a\\x0Ab\": no such file: a\\x0Ab\n");
+}
+
 TEST_F(EveryDiagnosticFiles, Files)
 {
   EXPECT_EQ(this->Of("nowhere.xml"), "nowhere.xml: error: no such file\n");
