@@ -63,14 +63,19 @@ int Run(int argc, char** argv)
   app.add_option("--frame", frame, "Frame to show first")->type_name("N");
   app.add_option("--show", show, "What to show: an output, a node, or node:array")->type_name("WHAT");
   app.add_option("--reference", reference, "Picture to compare with")->type_name("FILE");
-  app.add_option("-D", defines, "Give a variable of the file another value")->type_name("NAME=VALUE")->allow_extra_args(false);
+  app.add_option("-D", defines, "Give a variable of the file another value")
+    ->type_name("NAME=VALUE")
+    ->allow_extra_args(false);
   app.add_option("--set", sets, "Set a node's property")->type_name("NODE.PROPERTY=VALUE")->allow_extra_args(false);
   app.add_option("--seed", seed, "Set the property Seed of every node that has one")->type_name("N");
-  app.add_option("--screenshot", screenshot, "Write the window as PNG when the frame is done, and end; needs no visible window")
+  app
+    .add_option(
+      "--screenshot", screenshot, "Write the window as PNG when the frame is done, and end; needs no visible window")
     ->type_name("OUT.png");
   app.add_option("--tab", tab, "Panel on the right: Node, Pixel, Compare, Trade, Pipeline")->type_name("NAME");
   app.add_option("--size", size, "Size of the window")->type_name("W H")->expected(2)->check(CLI::Range(200, 8192));
-  app.add_option("--scale", scale, "Size of text and controls; from the screen when not given")->check(CLI::Range(0.5, 4.));
+  app.add_option("--scale", scale, "Size of text and controls; from the screen when not given")
+    ->check(CLI::Range(0.5, 4.));
   app.add_option("--record", record, "Write what mouse and keyboard do to a script")->type_name("FILE");
   app.add_option("--replay", replay, "Do what a script says, and end")->type_name("FILE");
   app.add_flag("--plain", plain, "Show no times and nothing of this machine, for pictures that are compared");
@@ -86,7 +91,9 @@ int Run(int argc, char** argv)
 
   if (!std::getenv("DISPLAY"))
   {
-    std::fputs("quell-view: error: there is no display ($DISPLAY is not set); without a screen run it under xvfb-run -a\n", stderr);
+    std::fputs(
+      "quell-view: error: there is no display ($DISPLAY is not set); without a screen run it under xvfb-run -a\n",
+      stderr);
     return 2;
   }
   const bool driven = !screenshot.empty() || !replay.empty();
@@ -191,8 +198,9 @@ int Run(int argc, char** argv)
         break;
       }
     }
-    std::this_thread::sleep_until(start + (start - awake < std::chrono::milliseconds(1200) ? std::chrono::milliseconds(16)
-                                                                                             : std::chrono::milliseconds(30)));
+    std::this_thread::sleep_until(
+      start + (start - awake < std::chrono::milliseconds(1200) ? std::chrono::milliseconds(16)
+                                                               : std::chrono::milliseconds(30)));
   }
   return 0;
 }

@@ -142,8 +142,7 @@ void DrawIcon(ImDrawList* list, const ImVec2& c, float s, Icon icon, ImU32 colou
   { list->AddTriangleFilled(ImVec2(x, c.y - h), ImVec2(x + w, c.y), ImVec2(x, c.y + h), colour); };
   const auto left = [&](float x, float w)
   { list->AddTriangleFilled(ImVec2(x + w, c.y - h), ImVec2(x, c.y), ImVec2(x + w, c.y + h), colour); };
-  const auto bar = [&](float x, float w)
-  { list->AddRectFilled(ImVec2(x, c.y - h), ImVec2(x + w, c.y + h), colour); };
+  const auto bar = [&](float x, float w) { list->AddRectFilled(ImVec2(x, c.y - h), ImVec2(x + w, c.y + h), colour); };
   switch (icon)
   {
     case Icon::First:
@@ -181,8 +180,8 @@ void DrawIcon(ImDrawList* list, const ImVec2& c, float s, Icon icon, ImU32 colou
       break;
     case Icon::Camera:
       list->AddRectFilled(ImVec2(c.x - h, c.y - h * 0.55f), ImVec2(c.x + h * 0.35f, c.y + h * 0.6f), colour, s * 0.12f);
-      list->AddTriangleFilled(ImVec2(c.x + h, c.y - h * 0.6f), ImVec2(c.x + h, c.y + h * 0.65f),
-        ImVec2(c.x + h * 0.25f, c.y), colour);
+      list->AddTriangleFilled(
+        ImVec2(c.x + h, c.y - h * 0.6f), ImVec2(c.x + h, c.y + h * 0.65f), ImVec2(c.x + h * 0.25f, c.y), colour);
       break;
   }
 }
@@ -260,7 +259,10 @@ std::string Milliseconds(double ms)
 std::string Bytes(double bytes)
 {
   char text[48];
-  std::snprintf(text, sizeof text, bytes < 999.5e3 ? "%.0f kB" : bytes < 99.95e6 ? "%.1f MB" : "%.0f MB",
+  std::snprintf(text, sizeof text,
+    bytes < 999.5e3   ? "%.0f kB"
+    : bytes < 99.95e6 ? "%.1f MB"
+                      : "%.0f MB",
     bytes < 999.5e3 ? bytes / 1e3 : bytes / 1e6);
   return text;
 }
@@ -320,7 +322,8 @@ const std::vector<HelpSection>& HelpSections()
     { 0, "Image",
       { { "wheel", "zoom at the pointer" }, { "drag", "pan" }, { "F  /  1", "fit  /  one pixel is one pixel" },
         { "click", "pin the pixel inspector, again to let go" }, { "+  -  0", "exposure up, down, none" },
-        { "C", "camera mode, and out of it: drag orbits," }, { "", "Shift+drag pans, the wheel dollies" }, { "H", "back to the scene's camera" } } },
+        { "C", "camera mode, and out of it: drag orbits," }, { "", "Shift+drag pans, the wheel dollies" },
+        { "H", "back to the scene's camera" } } },
     { 0, "Compare",
       { { "W", "wipe between A and B; drag the line" }, { "X", "flip between A and B" }, { "D", "difference" },
         { "K", "put the picture aside as B" } } },
@@ -328,11 +331,11 @@ const std::vector<HelpSection>& HelpSections()
       { { "Space", "play and stop" }, { "Left  Right", "step" }, { "Home  End", "first and last frame" },
         { "Esc", "stop what runs" }, { "R", "go on" } } },
     { 1, "Graph",
-      { { "click a node", "select it and show its picture" },
-        { "click an output", "show that array" }, { "drag from a pin", "connect; what does not fit says why" },
-        { "drop a link on nothing", "nodes that fit" }, { "double click", "open the palette, or a template" },
-        { "right click", "menu of the node or the link" }, { "drag a node on a link", "insert it there" },
-        { "drag", "select in a rectangle; middle button or Alt pans" }, { "wheel", "zoom" } } },
+      { { "click a node", "select it and show its picture" }, { "click an output", "show that array" },
+        { "drag from a pin", "connect; what does not fit says why" }, { "drop a link on nothing", "nodes that fit" },
+        { "double click", "open the palette, or a template" }, { "right click", "menu of the node or the link" },
+        { "drag a node on a link", "insert it there" }, { "drag", "select in a rectangle; middle button or Alt pans" },
+        { "wheel", "zoom" } } },
     { 1, "Edit",
       { { "Tab", "palette" }, { "Del  /  Ctrl+Del", "delete  /  and reconnect" }, { "Ctrl+D", "duplicate" },
         { "Ctrl+C X V", "copy, cut, paste as XML" }, { "F2", "rename" }, { "L  /  A", "arrange  /  fit the graph" },

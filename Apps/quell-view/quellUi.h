@@ -47,7 +47,7 @@ std::string Fitted(const std::string& text, float width);
 
 std::string Milliseconds(double ms);
 std::string Bytes(double bytes);
-std::string Figure(double v); ///< 4 digits
+std::string Figure(double v);                   ///< 4 digits
 std::string ShortPath(const std::string& file); ///< "~" for the home
 std::string LineOfFile(const std::string& file, int line);
 /// The first sentence of a pipeline file's doc.

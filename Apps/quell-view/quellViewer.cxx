@@ -1251,8 +1251,8 @@ void Viewer::TimelineBar()
   ImGui::SetNextWindowPos(ImVec2(0, io.DisplaySize.y - height));
   ImGui::SetNextWindowSize(ImVec2(io.DisplaySize.x, height));
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(8), this->S(5)));
-  ImGui::Begin("##timeline", nullptr,
-    ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings);
+  ImGui::Begin(
+    "##timeline", nullptr, ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings);
   const Timeline ticks = this->Checked ? this->Checked->Ticks : Timeline();
   const int last = ticks.First + std::max(1, ticks.Count) - 1;
   this->Tick = std::min(last, std::max(ticks.First, this->Tick));
@@ -1382,11 +1382,11 @@ void Viewer::StatusBar()
     }
     if (this->LastGood->SamplesAsked > 0)
     {
-      text += "   " + std::to_string(this->LastGood->Samples) +
-              (this->LastGood->Samples < this->LastGood->SamplesAsked
-                  ? " of " + std::to_string(this->LastGood->SamplesAsked)
-                  : std::string()) +
-              (this->LastGood->Samples == 1 && this->LastGood->SamplesAsked == 1 ? " sample a pixel" : " samples a pixel");
+      text +=
+        "   " + std::to_string(this->LastGood->Samples) +
+        (this->LastGood->Samples < this->LastGood->SamplesAsked ? " of " + std::to_string(this->LastGood->SamplesAsked)
+                                                                : std::string()) +
+        (this->LastGood->Samples == 1 && this->LastGood->SamplesAsked == 1 ? " sample a pixel" : " samples a pixel");
     }
     if (!this->Given.Plain)
     {
@@ -1473,8 +1473,8 @@ void Viewer::FileDialog()
   }
   const ImGuiIO& io = ImGui::GetIO();
   ImGui::SetNextWindowPos(ImVec2(io.DisplaySize.x / 2, io.DisplaySize.y / 2), ImGuiCond_Always, ImVec2(0.5f, 0.5f));
-  ImGui::SetNextWindowSize(
-    ImVec2(std::min(this->S(680), io.DisplaySize.x - this->S(40)), std::min(this->S(500), io.DisplaySize.y - this->S(60))));
+  ImGui::SetNextWindowSize(ImVec2(
+    std::min(this->S(680), io.DisplaySize.x - this->S(40)), std::min(this->S(500), io.DisplaySize.y - this->S(60))));
   if (!ImGui::BeginPopupModal(
         "##files", nullptr, ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoResize))
   {
@@ -1516,7 +1516,9 @@ void Viewer::FileDialog()
     std::error_code e;
     const bool directory = i->is_directory(e);
     const std::string extension = LowerExtension(name);
-    if (name[0] != '.' && (directory || (!extension.empty() && (" " + this->DialogExtensions + " ").find(" " + extension + " ") != std::string::npos)))
+    if (name[0] != '.' &&
+        (directory || (!extension.empty() &&
+                        (" " + this->DialogExtensions + " ").find(" " + extension + " ") != std::string::npos)))
     {
       entries.emplace_back(!directory, name);
     }
@@ -1557,8 +1559,8 @@ void Viewer::FileDialog()
   }
   if (entries.empty())
   {
-    ImGui::TextColored(Colors::Dim, ec ? "this directory cannot be read" : "nothing here that fits: %s",
-      this->DialogExtensions.c_str());
+    ImGui::TextColored(
+      Colors::Dim, ec ? "this directory cannot be read" : "nothing here that fits: %s", this->DialogExtensions.c_str());
   }
   ImGui::EndChild();
   ImGui::SetNextItemWidth(-1);
@@ -1621,8 +1623,8 @@ void Viewer::HelpOverlay()
   }
   const ImGuiIO& io = ImGui::GetIO();
   ImGui::SetNextWindowPos(ImVec2(io.DisplaySize.x / 2, io.DisplaySize.y / 2), ImGuiCond_Always, ImVec2(0.5f, 0.5f));
-  ImGui::SetNextWindowSize(
-    ImVec2(std::min(this->S(920), io.DisplaySize.x - this->S(40)), std::min(this->S(560), io.DisplaySize.y - this->S(40))));
+  ImGui::SetNextWindowSize(ImVec2(
+    std::min(this->S(920), io.DisplaySize.x - this->S(40)), std::min(this->S(560), io.DisplaySize.y - this->S(40))));
   // Everything else steps back.
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(24), this->S(20)));
   ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, this->S(6));
@@ -1631,7 +1633,8 @@ void Viewer::HelpOverlay()
     ImGui::OpenPopup("##help");
   }
   if (!ImGui::BeginPopupModal("##help", nullptr,
-        ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings))
+        ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
+          ImGuiWindowFlags_NoSavedSettings))
   {
     ImGui::PopStyleVar(2);
     return;

@@ -46,7 +46,7 @@ class Viewer
 public:
   struct Options
   {
-    GraphOptions Graph;       ///< -D, --set, --seed
+    GraphOptions Graph; ///< -D, --set, --seed
     std::optional<int> Frame;
     std::string Show;         ///< "node", "node:array" or an output's name; empty: the first output
     std::string Reference;    ///< image to compare with
@@ -131,7 +131,7 @@ private:
   // quellViewerGraph.cxx
   struct BoxLayout
   {
-    ImVec2 Position, Size; ///< in graph units
+    ImVec2 Position, Size;         ///< in graph units
     std::vector<int> ShownOutputs; ///< indices of output pins that have a row
     float InTop = 0;
   };

@@ -117,8 +117,8 @@ void Viewer::RefreshGraph()
   if (this->ModelOf != this->Doc.Revision() || this->ModelScope != this->Scope ||
       (this->ModelArraysOf != arraysOf && this->Dragging.Kind == Drag::What::None))
   {
-    this->Model = GraphModel::Build(
-      this->Doc, this->Scope, this->Registry, this->LastGood ? &this->LastGood->Arrays : nullptr);
+    this->Model =
+      GraphModel::Build(this->Doc, this->Scope, this->Registry, this->LastGood ? &this->LastGood->Arrays : nullptr);
     if (this->ModelScope != this->Scope)
     {
       this->GraphWantsFit = true;
@@ -155,7 +155,10 @@ void Viewer::RefreshGraph()
         l.ShownOutputs.push_back(int(o));
       }
     }
-    const std::size_t more = l.ShownOutputs.size() < b.Outputs.size() || (all && b.Outputs.size() > 3 && b.Kind != BoxKind::TemplateInputs) ? 1 : 0;
+    const std::size_t more =
+      l.ShownOutputs.size() < b.Outputs.size() || (all && b.Outputs.size() > 3 && b.Kind != BoxKind::TemplateInputs)
+        ? 1
+        : 0;
     const std::size_t rows = std::max(b.Inputs.size(), l.ShownOutputs.size() + more);
     l.Size = ImVec2(BoxWidth, HeaderHeight + float(rows) * RowHeight + FootHeight + 2);
   }
@@ -345,8 +348,7 @@ void Viewer::DeleteSelection(bool reconnect)
 {
   if (!this->Selected.empty())
   {
-    this->Doc.Remove(
-      this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), reconnect);
+    this->Doc.Remove(this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), reconnect);
     this->Selected.clear();
   }
 }
@@ -355,8 +357,8 @@ void Viewer::DuplicateSelection()
 {
   if (!this->Selected.empty())
   {
-    const std::vector<std::string> made = this->Doc.Duplicate(
-      this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), 40, 40);
+    const std::vector<std::string> made =
+      this->Doc.Duplicate(this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), 40, 40);
     if (!made.empty())
     {
       this->Selected = std::set<std::string>(made.begin(), made.end());
@@ -405,8 +407,8 @@ void Viewer::AddFromPalette(const std::string& type, bool isTemplate, const std:
     this->PaletteOnLink = -1;
     if (this->Model.FitsOnLink(*d, link, port, array, error))
     {
-      const std::string id =
-        this->Doc.InsertOnLink(this->Scope, this->Model.Boxes[std::size_t(link.To)].Id, link.Index, *d, port, array, x, y);
+      const std::string id = this->Doc.InsertOnLink(
+        this->Scope, this->Model.Boxes[std::size_t(link.To)].Id, link.Index, *d, port, array, x, y);
       this->Selected = { id };
       return;
     }
@@ -484,7 +486,8 @@ void Viewer::PaletteWindow()
   ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 1);
   ImGui::PushStyleColor(ImGuiCol_WindowBg, ImGui::GetStyleColorVec4(ImGuiCol_PopupBg));
   ImGui::Begin("##palette", nullptr,
-    ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings);
+    ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
+      ImGuiWindowFlags_NoSavedSettings);
   if (this->PaletteFocus)
   {
     ImGui::SetWindowFocus();
@@ -519,7 +522,8 @@ void Viewer::PaletteWindow()
     const StageDescription* d = this->Registry.Describe(type);
     Entry e{ type, d->Brief, d->Category, "", false, 0 };
     e.Score = std::max(MatchScore(type, this->PaletteSearch),
-      std::max(MatchScore(d->Category, this->PaletteSearch) / 2, this->PaletteSearch.size() >= 3 && d->Brief.find(this->PaletteSearch) != std::string::npos ? 10 : 0));
+      std::max(MatchScore(d->Category, this->PaletteSearch) / 2,
+        this->PaletteSearch.size() >= 3 && d->Brief.find(this->PaletteSearch) != std::string::npos ? 10 : 0));
     if (linked)
     {
       const GraphBox& b = this->Model.Boxes[std::size_t(this->PaletteLinkBox)];
@@ -708,8 +712,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     this->GraphWantsFit = false;
   }
   ImGuiIO& io = ImGui::GetIO();
-  const bool hasMessages =
-    this->ShowMessages && this->Checked && this->Checked->Document == this->Doc.Get() && !this->Checked->Messages.empty();
+  const bool hasMessages = this->ShowMessages && this->Checked && this->Checked->Document == this->Doc.Get() &&
+                           !this->Checked->Messages.empty();
   const float messagesHeight =
     hasMessages ? std::min((max.y - min.y) * 0.4f,
                     this->S(14) + float(this->Checked->Messages.size()) * (ImGui::GetTextLineHeight() + this->S(5)))
@@ -794,8 +798,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
             continue;
           }
           const ImVec2 p = corner(int(b), false), q = corner(int(b), true);
-          const bool hit = std::any_of(line.begin(), line.end(), [&](const ImVec2& v)
-            { return v.x > p.x && v.x < q.x && v.y > p.y - 2 * z && v.y < q.y + 2 * z; });
+          const bool hit = std::any_of(line.begin(), line.end(),
+            [&](const ImVec2& v) { return v.x > p.x && v.x < q.x && v.y > p.y - 2 * z && v.y < q.y + 2 * z; });
           if (hit && p.x > from.x - 4 * z && q.x < to.x + 4 * z)
           {
             crosses = true;
@@ -843,7 +847,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         pinIsOutput = true;
       }
     }
-    const ImVec2 a = this->ToScreen(l.Position), c = this->ToScreen(ImVec2(l.Position.x + l.Size.x, l.Position.y + l.Size.y));
+    const ImVec2 a = this->ToScreen(l.Position),
+                 c = this->ToScreen(ImVec2(l.Position.x + l.Size.x, l.Position.y + l.Size.y));
     if (mouse.x >= a.x && mouse.x <= c.x && mouse.y >= a.y && mouse.y <= c.y)
     {
       overBox = i;
@@ -1033,7 +1038,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   // The verdict on the link at hand.
   LinkVerdict verdict;
   int linkFrom = -1, linkFromPin = -1, linkTo = -1, linkToPin = -1;
-  const bool linking = this->Dragging.Kind == Drag::What::LinkFromOutput || this->Dragging.Kind == Drag::What::LinkFromInput;
+  const bool linking =
+    this->Dragging.Kind == Drag::What::LinkFromOutput || this->Dragging.Kind == Drag::What::LinkFromInput;
   if (linking && this->Dragging.Box < int(this->Model.Boxes.size()))
   {
     const bool fromOutput = this->Dragging.Kind == Drag::What::LinkFromOutput;
@@ -1054,9 +1060,11 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       {
         const LinkVerdict v = fromOutput ? this->Model.Judge(this->Dragging.Box, this->Dragging.Pin, overBox, int(p))
                                          : this->Model.Judge(overBox, int(p), this->Dragging.Box, this->Dragging.Pin);
-        const std::string ownName = fromOutput ? own.Outputs[std::size_t(this->Dragging.Pin)].Name : own.Inputs[std::size_t(this->Dragging.Pin)].Name;
+        const std::string ownName = fromOutput ? own.Outputs[std::size_t(this->Dragging.Pin)].Name
+                                               : own.Inputs[std::size_t(this->Dragging.Pin)].Name;
         const std::string name = fromOutput ? b.Inputs[p].Name : b.Outputs[p].Name;
-        const int s = !v.Ok ? 0 : 1 + (name == ownName ? 8 : 0) + (v.Replaces ? 0 : 2) + (p == 0 ? 1 : 0) + (v.Delay ? 0 : 2);
+        const int s =
+          !v.Ok ? 0 : 1 + (name == ownName ? 8 : 0) + (v.Replaces ? 0 : 2) + (p == 0 ? 1 : 0) + (v.Delay ? 0 : 2);
         if (s > score)
         {
           score = s;
@@ -1082,7 +1090,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   // A node that is dragged over a link and would fit on it.
   int dropLink = -1, dropPort = 0;
   std::string dropArray, dropReason;
-  if (this->Dragging.Kind == Drag::What::Boxes && this->Dragging.Moved && this->Dragging.Origins.size() == 1 && editable)
+  if (this->Dragging.Kind == Drag::What::Boxes && this->Dragging.Moved && this->Dragging.Origins.size() == 1 &&
+      editable)
   {
     const int own = this->Dragging.Box;
     const GraphBox& b = this->Model.Boxes[std::size_t(own)];
@@ -1132,8 +1141,10 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         const auto origin = this->Dragging.Origins.find(id);
         if (origin != this->Dragging.Origins.end())
         {
-          to.emplace_back(id, std::make_pair(double(origin->second.x + delta.x / z), double(origin->second.y + delta.y / z)));
-          this->Boxes[i].Position = ImVec2(float(std::floor(to.back().second.first + 0.5)), float(std::floor(to.back().second.second + 0.5)));
+          to.emplace_back(
+            id, std::make_pair(double(origin->second.x + delta.x / z), double(origin->second.y + delta.y / z)));
+          this->Boxes[i].Position =
+            ImVec2(float(std::floor(to.back().second.first + 0.5)), float(std::floor(to.back().second.second + 0.5)));
         }
         else if (!this->Doc.Positions().count(PositionKey(this->Scope, id)))
         {
@@ -1153,7 +1164,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         for (std::size_t i = 0; i < this->Boxes.size(); ++i)
         {
           const BoxLayout& l = this->Boxes[i];
-          const ImVec2 p = this->ToScreen(l.Position), q = this->ToScreen(ImVec2(l.Position.x + l.Size.x, l.Position.y + l.Size.y));
+          const ImVec2 p = this->ToScreen(l.Position),
+                       q = this->ToScreen(ImVec2(l.Position.x + l.Size.x, l.Position.y + l.Size.y));
           if (p.x < b.x && q.x > a.x && p.y < b.y && q.y > a.y)
           {
             this->Selected.insert(this->Model.Boxes[i].Id);
@@ -1165,14 +1177,17 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         }
       }
     }
-    const bool released = !ImGui::IsMouseDown(this->Dragging.Kind == Drag::What::Pan && !io.KeyAlt && !ImGui::IsMouseDown(0) ? 2 : 0) || (!active && !ImGui::IsMouseDown(0) && !ImGui::IsMouseDown(2));
+    const bool released =
+      !ImGui::IsMouseDown(this->Dragging.Kind == Drag::What::Pan && !io.KeyAlt && !ImGui::IsMouseDown(0) ? 2 : 0) ||
+      (!active && !ImGui::IsMouseDown(0) && !ImGui::IsMouseDown(2));
     if (released)
     {
       if (linking && linkTo >= 0)
       {
-        const GraphLink* taken = this->Dragging.TakenLink >= 0 && this->Dragging.TakenLink < int(this->Model.Links.size())
-                                   ? &this->Model.Links[std::size_t(this->Dragging.TakenLink)]
-                                   : nullptr;
+        const GraphLink* taken =
+          this->Dragging.TakenLink >= 0 && this->Dragging.TakenLink < int(this->Model.Links.size())
+            ? &this->Model.Links[std::size_t(this->Dragging.TakenLink)]
+            : nullptr;
         const bool same = taken && taken->To == linkTo && taken->ToPin == linkToPin;
         if (!same && verdict.Ok)
         {
@@ -1183,8 +1198,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
           {
             this->Doc.Disconnect(this->Scope, this->Model.Boxes[std::size_t(taken->To)].Id, taken->Index);
           }
-          if (!this->Doc.Connect(this->Scope, this->Model.Reference(linkFrom, linkFromPin), to.Id, in.Name, verdict.Delay,
-                in.Repeatable, error))
+          if (!this->Doc.Connect(this->Scope, this->Model.Reference(linkFrom, linkFromPin), to.Id, in.Name,
+                verdict.Delay, in.Repeatable, error))
           {
             this->Tell(error, true);
           }
@@ -1217,10 +1232,12 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         const std::string path = this->NodePathOf(this->Model.Boxes[std::size_t(this->Dragging.Box)].Id);
         if (!path.empty())
         {
-          this->SelectTarget(path, this->Model.Boxes[std::size_t(this->Dragging.Box)].Outputs[std::size_t(this->Dragging.Pin)].Name);
+          this->SelectTarget(
+            path, this->Model.Boxes[std::size_t(this->Dragging.Box)].Outputs[std::size_t(this->Dragging.Pin)].Name);
         }
       }
-      else if (this->Dragging.Kind == Drag::What::Boxes && !this->Dragging.Moved && overBox >= 0 && !io.KeyShift && !io.KeyCtrl)
+      else if (this->Dragging.Kind == Drag::What::Boxes && !this->Dragging.Moved && overBox >= 0 && !io.KeyShift &&
+               !io.KeyCtrl)
       {
         this->Selected = { this->Model.Boxes[std::size_t(overBox)].Id };
       }
@@ -1311,7 +1328,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   {
     const GraphBox& b = this->Model.Boxes[i];
     const BoxLayout& l = this->Boxes[i];
-    const ImVec2 a = this->ToScreen(l.Position), c = this->ToScreen(ImVec2(l.Position.x + l.Size.x, l.Position.y + l.Size.y));
+    const ImVec2 a = this->ToScreen(l.Position),
+                 c = this->ToScreen(ImVec2(l.Position.x + l.Size.x, l.Position.y + l.Size.y));
     this->MarkRect("node/" + b.Id, a, ImVec2(c.x, a.y + HeaderHeight * z));
     const bool selected = this->Selected.count(b.Id) != 0;
     const std::string path = this->Scope.empty() ? b.Id : this->NodePathOf(b.Id);
@@ -1321,7 +1339,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     {
       for (const Diagnostic& d : this->Checked->Messages)
       {
-        const bool mine = !d.Node.empty() && (d.Node == path || (b.Kind == BoxKind::Instance && TopOf(d.Node) == b.Id)) &&
+        const bool mine = !d.Node.empty() &&
+                          (d.Node == path || (b.Kind == BoxKind::Instance && TopOf(d.Node) == b.Id)) &&
                           (!d.Node.empty());
         if (mine && (!mistake || d.Level == Severity::Error))
         {
@@ -1329,7 +1348,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         }
       }
     }
-    list->AddRectFilled(ImVec2(a.x + 2 * z, a.y + 3 * z), ImVec2(c.x + 2 * z, c.y + 3 * z), IM_COL32(0, 0, 0, 70), 6 * z);
+    list->AddRectFilled(
+      ImVec2(a.x + 2 * z, a.y + 3 * z), ImVec2(c.x + 2 * z, c.y + 3 * z), IM_COL32(0, 0, 0, 70), 6 * z);
     list->AddRectFilled(a, c, IM_COL32(43, 45, 50, 255), 5 * z);
     ImVec4 head(0.235f, 0.25f, 0.28f, 1);
     if (b.Kind == BoxKind::Output || b.Kind == BoxKind::TemplateOutput)
@@ -1344,12 +1364,13 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     {
       head = ImVec4(0.34f, 0.27f, 0.18f, 1);
     }
-    list->AddRectFilled(a, ImVec2(c.x, a.y + HeaderHeight * z), ImGui::ColorConvertFloat4ToU32(head), 5 * z,
-      ImDrawFlags_RoundCornersTop);
+    list->AddRectFilled(
+      a, ImVec2(c.x, a.y + HeaderHeight * z), ImGui::ColorConvertFloat4ToU32(head), 5 * z, ImDrawFlags_RoundCornersTop);
     if (b.Kind == BoxKind::Instance)
     {
       // A second card behind: there is something inside.
-      list->AddRect(ImVec2(a.x - 3 * z, a.y - 3 * z), ImVec2(c.x - 3 * z, c.y - 3 * z), IM_COL32(120, 105, 160, 120), 5 * z);
+      list->AddRect(
+        ImVec2(a.x - 3 * z, a.y - 3 * z), ImVec2(c.x - 3 * z, c.y - 3 * z), IM_COL32(120, 105, 160, 120), 5 * z);
     }
     list->AddRect(a, c,
       mistake && mistake->Level == Severity::Error ? ImGui::GetColorU32(Colors::Error)
@@ -1378,7 +1399,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       ImGui::GetColorU32(b.Known ? Colors::Text : Colors::Error), titleSize, true);
     if (shown)
     {
-      DrawIcon(list, ImVec2(a.x + 15 * z, a.y + HeaderHeight * z / 2), 11 * z, Icon::Eye, ImGui::GetColorU32(Colors::Accent));
+      DrawIcon(
+        list, ImVec2(a.x + 15 * z, a.y + HeaderHeight * z / 2), 11 * z, Icon::Eye, ImGui::GetColorU32(Colors::Accent));
     }
     if (!time.empty())
     {
@@ -1407,7 +1429,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       else
       {
         list->AddCircleFilled(at, r, IM_COL32(30, 31, 34, 255));
-        list->AddCircle(at, r, !in.Optional && !linking ? ImGui::GetColorU32(Colors::Warning) : KindColor(in.Kind, alpha), 0,
+        list->AddCircle(at, r,
+          !in.Optional && !linking ? ImGui::GetColorU32(Colors::Warning) : KindColor(in.Kind, alpha), 0,
           1.6f * std::max(0.7f, z));
       }
       const ImVec4 colour = in.Links > 0 ? Colors::Text : !in.Optional ? Colors::Warning : Colors::Dim;
@@ -1445,13 +1468,14 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     }
     if (b.Outputs.size() > 3 && b.Kind != BoxKind::TemplateInputs)
     {
-      const ImVec2 at = this->ToScreen(
-        ImVec2(l.Position.x + l.Size.x, l.Position.y + HeaderHeight + (float(l.ShownOutputs.size()) + 0.5f) * RowHeight + 2));
+      const ImVec2 at = this->ToScreen(ImVec2(
+        l.Position.x + l.Size.x, l.Position.y + HeaderHeight + (float(l.ShownOutputs.size()) + 0.5f) * RowHeight + 2));
       const std::size_t hidden = b.Outputs.size() - l.ShownOutputs.size();
       const std::string s = hidden > 0 ? "+ " + std::to_string(hidden) + " more" : "fewer";
       text(ImVec2(at.x - 10 * z - measure(s, rowSize, false), at.y - rowSize * 0.58f), s,
         ImGui::GetColorU32(overMore && overBox == int(i) ? Colors::Accent : Colors::Dim), rowSize, false);
-      this->MarkRect("more/" + b.Id, ImVec2(at.x - 40 * z, at.y - rowSize / 2), ImVec2(at.x - 12 * z, at.y + rowSize / 2));
+      this->MarkRect(
+        "more/" + b.Id, ImVec2(at.x - 40 * z, at.y - rowSize / 2), ImVec2(at.x - 12 * z, at.y + rowSize / 2));
     }
     if (b.Kind == BoxKind::Output && !b.Type.empty())
     {
@@ -1475,24 +1499,28 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       const float y = c.y - 4 * z;
       list->AddRectFilled(ImVec2(a.x + 5 * z, y), ImVec2(c.x - 5 * z, y + 2 * z), IM_COL32(255, 255, 255, 25));
       list->AddRectFilled(ImVec2(a.x + 5 * z, y),
-        ImVec2(a.x + 5 * z + (c.x - a.x - 10 * z) * float(done / parts), y + 2 * z), ImGui::GetColorU32(Colors::Accent));
+        ImVec2(a.x + 5 * z + (c.x - a.x - 10 * z) * float(done / parts), y + 2 * z),
+        ImGui::GetColorU32(Colors::Accent));
     }
   }
   if (linking && this->Dragging.Moved && this->Dragging.Box < int(this->Boxes.size()))
   {
     const bool fromOutput = this->Dragging.Kind == Drag::What::LinkFromOutput;
     const GraphBox& b = this->Model.Boxes[std::size_t(this->Dragging.Box)];
-    const ArrayKind kind = fromOutput ? b.Outputs[std::size_t(this->Dragging.Pin)].Kind : b.Inputs[std::size_t(this->Dragging.Pin)].Kind;
+    const ArrayKind kind =
+      fromOutput ? b.Outputs[std::size_t(this->Dragging.Pin)].Kind : b.Inputs[std::size_t(this->Dragging.Pin)].Kind;
     const ImVec2 start = this->ToScreen(this->PinPosition(this->Dragging.Box, this->Dragging.Pin, fromOutput));
     ImVec2 stop = mouse;
     if (linkTo >= 0 && verdict.Ok)
     {
-      stop = fromOutput ? this->ToScreen(this->PinPosition(linkTo, linkToPin, false)) : this->ToScreen(this->PinPosition(linkFrom, linkFromPin, true));
+      stop = fromOutput ? this->ToScreen(this->PinPosition(linkTo, linkToPin, false))
+                        : this->ToScreen(this->PinPosition(linkFrom, linkFromPin, true));
     }
     const ImVec2 from = fromOutput ? start : stop, to = fromOutput ? stop : start;
     const float reach = std::max(30 * z, std::fabs(to.x - from.x) * 0.5f);
     const ImU32 colour = linkTo >= 0 && !verdict.Ok ? ImGui::GetColorU32(Colors::Error) : KindColor(kind);
-    list->AddBezierCubic(from, ImVec2(from.x + reach, from.y), ImVec2(to.x - reach, to.y), to, colour, 2.6f * std::max(0.6f, z));
+    list->AddBezierCubic(
+      from, ImVec2(from.x + reach, from.y), ImVec2(to.x - reach, to.y), to, colour, 2.6f * std::max(0.6f, z));
     std::string words;
     if (linkTo >= 0)
     {
@@ -1506,8 +1534,9 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     }
     else
     {
-      words = fromOutput ? b.Outputs[std::size_t(this->Dragging.Pin)].Name + ": let go over nothing for nodes that take it"
-                         : b.Inputs[std::size_t(this->Dragging.Pin)].Name + ": let go over nothing for nodes that make it";
+      words = fromOutput
+                ? b.Outputs[std::size_t(this->Dragging.Pin)].Name + ": let go over nothing for nodes that take it"
+                : b.Inputs[std::size_t(this->Dragging.Pin)].Name + ": let go over nothing for nodes that make it";
     }
     ImGui::PushStyleColor(ImGuiCol_Text, linkTo >= 0 && !verdict.Ok ? Colors::Error : Colors::Text);
     ShowTooltip(words, this->S(340));
@@ -1520,7 +1549,9 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       const GraphBox& b = this->Model.Boxes[std::size_t(pinBox)];
       const GraphPin& p = pinIsOutput ? b.Outputs[std::size_t(pin)] : b.Inputs[std::size_t(pin)];
       ShowTooltip(p.Name + "  " + std::string(KindName(p.Kind)) + (p.Repeatable ? ", several" : "") +
-                    (p.Delayed ? ", of the previous frame" : p.Optional && !pinIsOutput ? ", optional" : "") +
+                    (p.Delayed                     ? ", of the previous frame"
+                      : p.Optional && !pinIsOutput ? ", optional"
+                                                   : "") +
                     (p.Doc.empty() ? "" : "\n" + p.Doc),
         this->S(320));
     }
@@ -1575,7 +1606,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     this->PaletteLinkBox = this->PaletteOnLink = -1;
   }
   ImGui::SameLine();
-  if (this->Button("Arrange", "graph/arrange", "Producers left of readers, few crossings (L)", !this->Boxes.empty() && editable))
+  if (this->Button(
+        "Arrange", "graph/arrange", "Producers left of readers, few crossings (L)", !this->Boxes.empty() && editable))
   {
     this->ArrangeAll();
   }
@@ -1660,7 +1692,8 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       this->EnterScope(b->Type);
     }
     ImGui::Separator();
-    if (ImGui::MenuItem("Rename\u2026", "F2", false, b && editable && b->Kind != BoxKind::TemplateInputs && b->Kind != BoxKind::TemplateOutput))
+    if (ImGui::MenuItem("Rename\u2026", "F2", false,
+          b && editable && b->Kind != BoxKind::TemplateInputs && b->Kind != BoxKind::TemplateOutput))
     {
       this->BeginRename(one);
     }

@@ -285,11 +285,12 @@ void Viewer::ImageToolbar()
       ImGui::NewLine();
     }
     ImGui::SetNextItemWidth(this->S(150));
-    const std::string bText = this->BFrom == SourceB::Node
-                                ? (this->B.Node.empty() ? "choose B" : this->B.Node + (this->B.Array.empty() ? "" : ":" + this->B.Array))
-                              : this->BFrom == SourceB::Kept ? (this->Kept ? "kept: " + this->KeptName : "nothing is kept")
-                              : this->Reference             ? "reference"
-                                                            : "choose B";
+    const std::string bText =
+      this->BFrom == SourceB::Node
+        ? (this->B.Node.empty() ? "choose B" : this->B.Node + (this->B.Array.empty() ? "" : ":" + this->B.Array))
+      : this->BFrom == SourceB::Kept ? (this->Kept ? "kept: " + this->KeptName : "nothing is kept")
+      : this->Reference              ? "reference"
+                                     : "choose B";
     if (ImGui::BeginCombo("##b", bText.c_str(), ImGuiComboFlags_HeightLarge))
     {
       if (ImGui::Selectable(this->Reference ? "reference" : "reference file\u2026"))
@@ -517,8 +518,8 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
     }
     ImGui::PushFont(this->Win.Bold());
     const ImVec2 t = ImGui::CalcTextSize(text.c_str());
-    list->AddText(ImVec2(min.x + (size.x - t.x) / 2, min.y + size.y / 2 - t.y * 1.5f),
-      ImGui::GetColorU32(Colors::Dim), text.c_str());
+    list->AddText(ImVec2(min.x + (size.x - t.x) / 2, min.y + size.y / 2 - t.y * 1.5f), ImGui::GetColorU32(Colors::Dim),
+      text.c_str());
     ImGui::PopFont();
     const float wrap = std::min(size.x - this->S(40), this->S(560));
     const ImVec2 h = ImGui::CalcTextSize(hint.c_str(), nullptr, false, wrap);
@@ -579,8 +580,8 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
     if (hovered && io.MouseWheel != 0)
     {
       const ImVec2 before = toImage(io.MousePos);
-      const double steps[] = { 0.05, 0.0625, 0.083, 0.125, 0.167, 0.25, 0.333, 0.5, 0.667, 1, 1.5, 2, 3, 4, 6, 8, 12, 16,
-        24, 32, 48, 64 };
+      const double steps[] = { 0.05, 0.0625, 0.083, 0.125, 0.167, 0.25, 0.333, 0.5, 0.667, 1, 1.5, 2, 3, 4, 6, 8, 12,
+        16, 24, 32, 48, 64 };
       double next = this->Zoom;
       if (io.MouseWheel > 0)
       {
@@ -666,10 +667,11 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
           std::snprintf(text, sizeof text, "%.3g", double(f[c]));
           const ImVec2 at(corner.x + 3, corner.y + 2 + float(c) * (ImGui::GetTextLineHeight() - 1));
           list->AddText(ImVec2(at.x + 1, at.y + 1), IM_COL32(0, 0, 0, 190), text);
-          list->AddText(at, v.components == 1 ? IM_COL32(255, 255, 255, 255)
-                            : c == 0          ? IM_COL32(255, 150, 150, 255)
-                            : c == 1          ? IM_COL32(160, 255, 160, 255)
-                                              : IM_COL32(165, 185, 255, 255),
+          list->AddText(at,
+            v.components == 1 ? IM_COL32(255, 255, 255, 255)
+            : c == 0          ? IM_COL32(255, 150, 150, 255)
+            : c == 1          ? IM_COL32(160, 255, 160, 255)
+                              : IM_COL32(165, 185, 255, 255),
             text);
         }
       }
@@ -680,7 +682,8 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
   {
     const ImVec2 q0 = toScreen(this->PixelX, this->PixelY), q1 = toScreen(this->PixelX + 1, this->PixelY + 1);
     const float grow = std::max(0.f, this->S(3) - (q1.x - q0.x) / 2);
-    list->AddRect(ImVec2(q0.x - grow - 1, q0.y - grow - 1), ImVec2(q1.x + grow + 1, q1.y + grow + 1), IM_COL32(0, 0, 0, 200));
+    list->AddRect(
+      ImVec2(q0.x - grow - 1, q0.y - grow - 1), ImVec2(q1.x + grow + 1, q1.y + grow + 1), IM_COL32(0, 0, 0, 200));
     list->AddRect(ImVec2(q0.x - grow, q0.y - grow), ImVec2(q1.x + grow, q1.y + grow),
       this->PixelPinned ? ImGui::GetColorU32(Colors::Accent) : IM_COL32(255, 255, 255, 220));
   }
@@ -698,9 +701,9 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
   };
   const Picture shown = this->PictureOf(this->A);
   const std::string nameA = this->A.Node + (shown ? "  " + shown.Array : "");
-  const std::string nameB = this->BFrom == SourceB::Node     ? this->B.Node
-                            : this->BFrom == SourceB::Kept   ? "kept " + this->KeptName
-                                                             : "reference";
+  const std::string nameB = this->BFrom == SourceB::Node   ? this->B.Node
+                            : this->BFrom == SourceB::Kept ? "kept " + this->KeptName
+                                                           : "reference";
   const ImVec2 corner(min.x + this->S(8), min.y + this->S(8)), opposite(max.x - this->S(8), min.y + this->S(8));
   if (map)
   {
@@ -725,8 +728,8 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
     }
     if (this->Compared != CompareMode::Off && (!p->Wish.B || !p->B.Error.empty()))
     {
-      label(ImVec2(corner.x, corner.y + this->S(24)),
-        p->B.Error.empty() ? "choose what B is, above" : p->B.Error, false, Colors::Warning);
+      label(ImVec2(corner.x, corner.y + this->S(24)), p->B.Error.empty() ? "choose what B is, above" : p->B.Error,
+        false, Colors::Warning);
     }
     if (p->A.Style == DisplayStyle::Heat || p->A.Style == DisplayStyle::LogHeat || p->A.Style == DisplayStyle::Gray ||
         p->A.Style == DisplayStyle::Error || p->A.Style == DisplayStyle::Signed)
@@ -737,19 +740,20 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
   if (p->A.NonFinite > 0)
   {
     label(ImVec2(corner.x, max.y - this->S(30)),
-      std::to_string(p->A.NonFinite) + (p->A.NonFinite == 1 ? " pixel is" : " pixels are") + " not finite, the first at (" +
-        std::to_string(p->A.FirstX) + ", " + std::to_string(p->A.FirstY) + ") from the bottom left",
+      std::to_string(p->A.NonFinite) + (p->A.NonFinite == 1 ? " pixel is" : " pixels are") +
+        " not finite, the first at (" + std::to_string(p->A.FirstX) + ", " + std::to_string(p->A.FirstY) +
+        ") from the bottom left",
       false, Colors::Warning);
   }
   else if (this->CameraMode)
   {
-    label(ImVec2(corner.x, max.y - this->S(30)), "camera: drag orbits, Shift+drag pans, wheel dollies, H goes home", false,
-      Colors::Accent);
+    label(ImVec2(corner.x, max.y - this->S(30)), "camera: drag orbits, Shift+drag pans, wheel dollies, H goes home",
+      false, Colors::Accent);
   }
   if (this->LastGood && this->Shown && !this->Shown->Ok && !this->Shown->Error.empty())
   {
-    label(ImVec2(corner.x, corner.y + this->S(24)), "an older picture: " + Fitted(this->Shown->Error, size.x - this->S(160)),
-      false, Colors::Error);
+    label(ImVec2(corner.x, corner.y + this->S(24)),
+      "an older picture: " + Fitted(this->Shown->Error, size.x - this->S(160)), false, Colors::Error);
   }
   ImGui::PopFont();
 }
@@ -819,7 +823,8 @@ void Viewer::Inspector()
   this->Tooltip("from the top left");
   // The neighbourhood, enlarged.
   const int radius = 4;
-  const float cell = std::floor(std::min(this->S(20), (ImGui::GetContentRegionAvail().x - this->S(4)) / (2 * radius + 1)));
+  const float cell =
+    std::floor(std::min(this->S(20), (ImGui::GetContentRegionAvail().x - this->S(4)) / (2 * radius + 1)));
   const ImVec2 at = ImGui::GetCursorScreenPos();
   ImDrawList* list = ImGui::GetWindowDrawList();
   if (this->Presented && this->Presented->A.Width == v.extent.width())
@@ -840,7 +845,8 @@ void Viewer::Inspector()
       }
     }
     const ImVec2 q(at.x + float(radius) * cell, at.y + float(radius) * cell);
-    list->AddRect(ImVec2(q.x - 1, q.y - 1), ImVec2(q.x + cell, q.y + cell), ImGui::GetColorU32(Colors::Accent), 0, 0, this->S(1.5));
+    list->AddRect(
+      ImVec2(q.x - 1, q.y - 1), ImVec2(q.x + cell, q.y + cell), ImGui::GetColorU32(Colors::Accent), 0, 0, this->S(1.5));
     ImGui::Dummy(ImVec2(cell * (2 * radius + 1), cell * (2 * radius + 1) + this->S(6)));
   }
   if (ImGui::BeginTable("values", 2, ImGuiTableFlags_RowBg | ImGuiTableFlags_SizingFixedFit))
@@ -912,7 +918,8 @@ void Viewer::HistogramPlot()
         float(std::log1p(double(h.Counts[std::size_t(c)][std::size_t(i)])) / most) * (size.y - this->S(6));
       if (height > 0)
       {
-        const float x0 = at.x + size.x * float(i) / Histogram::Bins, x1 = at.x + size.x * float(i + 1) / Histogram::Bins;
+        const float x0 = at.x + size.x * float(i) / Histogram::Bins,
+                    x1 = at.x + size.x * float(i + 1) / Histogram::Bins;
         list->AddRectFilled(ImVec2(x0, at.y + size.y - height), ImVec2(x1, at.y + size.y), colours[c]);
       }
     }
@@ -922,7 +929,8 @@ void Viewer::HistogramPlot()
   ImGui::PushFont(this->Win.Small());
   ImGui::TextColored(Colors::Dim, "%s", Figure(h.Low).c_str());
   const std::string high = Figure(h.High);
-  ImGui::SameLine(ImGui::GetContentRegionAvail().x - ImGui::CalcTextSize(high.c_str()).x + ImGui::GetCursorPosX() - this->S(4));
+  ImGui::SameLine(
+    ImGui::GetContentRegionAvail().x - ImGui::CalcTextSize(high.c_str()).x + ImGui::GetCursorPosX() - this->S(4));
   ImGui::TextColored(Colors::Dim, "%s", high.c_str());
   for (int c = 0; c < h.Channels; ++c)
   {

@@ -32,7 +32,8 @@ void SliderRange(const Property& p, double now, double& low, double& high)
   double middle = 0;
   std::string error;
   detail::ParseDouble(p.DefaultText, -1e308, 1e308, middle, error);
-  const double reach = std::max({ 4 * std::fabs(middle), 2 * std::fabs(now), p.Kind == Property::Type::Int ? 16. : 1. });
+  const double reach =
+    std::max({ 4 * std::fabs(middle), 2 * std::fabs(now), p.Kind == Property::Type::Int ? 16. : 1. });
   low = std::max(p.Minimum, p.Minimum >= 0 ? p.Minimum : -reach);
   high = std::min(p.Maximum, reach);
 }
@@ -247,7 +248,7 @@ void Viewer::PropertyRow(
     if (ImGui::Button("\u2026", ImVec2(this->S(26), 0)))
     {
       this->OpenFileDialog("property:" + box + "." + row.Name, row.Doc,
-        row.Name == "Scene" ? ".gltf .glb .obj"
+        row.Name == "Scene"    ? ".gltf .glb .obj"
         : row.Name == "Config" ? ".ocio"
                                : ".exr .hdr .png .jpg .pfm .pgm .ppm");
     }
@@ -400,7 +401,8 @@ void Viewer::PropertiesTab()
       const std::string name = o.Name.Value;
       if (table("output"))
       {
-        textRow("name", box + ".name", name, "", "what the command line calls it", [&](const std::string& v)
+        textRow("name", box + ".name", name, "", "what the command line calls it",
+          [&](const std::string& v)
           {
             std::string error;
             if (this->Doc.Rename("", box, v, error))
@@ -428,7 +430,8 @@ void Viewer::PropertiesTab()
   {
     if (table("node"))
     {
-      textRow("name", box + ".name", box, "", "how links and the command line call this node", [&](const std::string& v)
+      textRow("name", box + ".name", box, "", "how links and the command line call this node",
+        [&](const std::string& v)
         {
           std::string error;
           if (this->Doc.Rename(this->Scope, box, v, error))
@@ -458,7 +461,8 @@ void Viewer::PropertiesTab()
           row.Name = v.Name.Value;
           row.Doc = v.Doc.Value;
           row.DefaultText = v.Default.Value;
-          row.Kind = v.Type.Value == "bool" ? Property::Type::Bool : v.Type.Value == "path" ? Property::Type::Path
+          row.Kind = v.Type.Value == "bool"     ? Property::Type::Bool
+                     : v.Type.Value == "path"   ? Property::Type::Path
                      : v.Type.Value == "int"    ? Property::Type::Int
                      : v.Type.Value == "double" ? Property::Type::Double
                                                 : Property::Type::String;
@@ -538,7 +542,8 @@ void Viewer::PropertiesTab()
             ImGui::Text("%s", pin.Name.c_str());
             this->Tooltip(pin.Doc);
             ImGui::SameLine(this->S(110));
-            ImGui::TextColored(Colors::Dim, "%s%s", input.From.Value.c_str(), input.Delay.Given ? "  (previous frame)" : "");
+            ImGui::TextColored(
+              Colors::Dim, "%s%s", input.From.Value.c_str(), input.Delay.Given ? "  (previous frame)" : "");
             ImGui::SameLine(ImGui::GetWindowWidth() - this->S(44));
             if (ImGui::SmallButton("\u2715"))
             {
@@ -553,7 +558,8 @@ void Viewer::PropertiesTab()
             ImGui::TextColored(pin.Optional ? Colors::Dim : Colors::Warning, "%s", pin.Name.c_str());
             this->Tooltip(pin.Doc);
             ImGui::SameLine(this->S(110));
-            ImGui::TextColored(pin.Optional ? Colors::Dim : Colors::Warning, "%s", pin.Optional ? "not connected" : "has to be connected");
+            ImGui::TextColored(pin.Optional ? Colors::Dim : Colors::Warning, "%s",
+              pin.Optional ? "not connected" : "has to be connected");
           }
         }
       }
@@ -748,7 +754,8 @@ void Viewer::PipelineTab()
   }
   if (this->Button("Add an output", "output/add"))
   {
-    const std::string from = this->A.Node.empty() ? std::string() : this->A.Node + (this->A.Array.empty() ? "" : ":" + this->A.Array);
+    const std::string from =
+      this->A.Node.empty() ? std::string() : this->A.Node + (this->A.Array.empty() ? "" : ":" + this->A.Array);
     this->EnterScope("");
     const ImVec2 at = this->ToGraph(ImVec2(this->GraphMax.x - this->S(220), (this->GraphMin.y + this->GraphMax.y) / 2));
     this->Selected = { this->Doc.AddOutput(from, double(at.x), double(at.y)) };
@@ -868,11 +875,14 @@ void Viewer::TradeTab()
       else
       {
         const double bought = baseError > 0 ? row->second.Error / baseError : 0;
-        ImGui::TextColored(bought > 1.005 ? Colors::Good : bought < 0.995 ? Colors::Error : Colors::Dim, "\u00d7 %s",
-          Figure(bought).c_str());
+        ImGui::TextColored(bought > 1.005   ? Colors::Good
+                           : bought < 0.995 ? Colors::Error
+                                            : Colors::Dim,
+          "\u00d7 %s", Figure(bought).c_str());
         this->Tooltip("Without " + l.Name + " the error (" + this->Points.Metric + ") is " + Figure(row->second.Error) +
-                      " instead of " + Figure(baseError) + ", " + Figure(bought) + " times as large, and the frame takes " +
-                      Milliseconds(row->second.Milliseconds) + " instead of " + Milliseconds(baseMs) + ".");
+                      " instead of " + Figure(baseError) + ", " + Figure(bought) +
+                      " times as large, and the frame takes " + Milliseconds(row->second.Milliseconds) +
+                      " instead of " + Milliseconds(baseMs) + ".");
       }
     }
     ImGui::PopFont();
@@ -882,7 +892,8 @@ void Viewer::TradeTab()
   if (this->Reference)
   {
     if (this->Button(running ? "Stop measuring" : "Measure what each node buys", "trade/ledger",
-          "Runs the frame again without each node in turn, all frames before it included, and compares with the reference"))
+          "Runs the frame again without each node in turn, all frames before it included, and compares with the "
+          "reference"))
     {
       if (running)
       {
@@ -905,8 +916,9 @@ void Viewer::TradeTab()
   if (!this->Reference)
   {
     ImGui::PushTextWrapPos(0);
-    ImGui::TextColored(Colors::Dim, "With a reference every change becomes a point here: how long a frame takes against "
-                                    "how far it is from the truth. Each can be returned to.");
+    ImGui::TextColored(Colors::Dim,
+      "With a reference every change becomes a point here: how long a frame takes against "
+      "how far it is from the truth. Each can be returned to.");
     ImGui::PopTextWrapPos();
     if (this->Button("Choose a reference\u2026", "trade/reference"))
     {
@@ -959,11 +971,13 @@ void Viewer::TradeTab()
     list->AddLine(ImVec2(at.x + left, y.y), ImVec2(at.x + size.x - this->S(4), y.y), IM_COL32(255, 255, 255, 18));
     const std::string tx = this->Given.Plain ? "" : Milliseconds(ms), ty = Figure(error);
     const float w = ImGui::CalcTextSize(tx.c_str()).x;
-    list->AddText(ImVec2(std::min(at.x + size.x - w - this->S(3), x.x - (i == 0 ? 0 : w / 2)), at.y + size.y - foot + this->S(3)),
+    list->AddText(
+      ImVec2(std::min(at.x + size.x - w - this->S(3), x.x - (i == 0 ? 0 : w / 2)), at.y + size.y - foot + this->S(3)),
       ImGui::GetColorU32(Colors::Dim), tx.c_str());
     char shortText[24];
     std::snprintf(shortText, sizeof shortText, "%.2g", error);
-    list->AddText(ImVec2(at.x + this->S(4), std::max(at.y + this->S(2), y.y - this->S(7))), ImGui::GetColorU32(Colors::Dim), shortText);
+    list->AddText(ImVec2(at.x + this->S(4), std::max(at.y + this->S(2), y.y - this->S(7))),
+      ImGui::GetColorU32(Colors::Dim), shortText);
   }
   ImGui::PopFont();
   ImGui::InvisibleButton("plot", size);
@@ -986,8 +1000,8 @@ void Viewer::TradeTab()
   {
     const ImVec2 p = place(points[i].Milliseconds, points[i].Error);
     const bool now = points[i].Document == this->Doc.Get() || *points[i].Document == *this->Doc.Get();
-    list->AddCircleFilled(p, this->S(hovered == int(i) ? 5.5 : 4),
-      ImGui::GetColorU32(points[i].Pareto ? Colors::Good : Colors::Dim));
+    list->AddCircleFilled(
+      p, this->S(hovered == int(i) ? 5.5 : 4), ImGui::GetColorU32(points[i].Pareto ? Colors::Good : Colors::Dim));
     if (now)
     {
       list->AddCircle(p, this->S(7.5), ImGui::GetColorU32(Colors::Accent), 20, this->S(2));
@@ -1017,7 +1031,8 @@ void Viewer::TradeTab()
   {
     ImGui::PushID(int(i));
     const bool now = points[i].Document == this->Doc.Get() || *points[i].Document == *this->Doc.Get();
-    const std::string text = (this->Given.Plain ? std::string() : Milliseconds(points[i].Milliseconds) + "  ") + Figure(points[i].Error);
+    const std::string text =
+      (this->Given.Plain ? std::string() : Milliseconds(points[i].Milliseconds) + "  ") + Figure(points[i].Error);
     if (ImGui::Selectable("##point", now, 0, ImVec2(ImGui::GetContentRegionAvail().x - this->S(26), 0)))
     {
       back(int(i));

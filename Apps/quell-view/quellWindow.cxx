@@ -33,12 +33,13 @@ struct NamedKey
   int Key;
 };
 // ImGui 1.86 knows these; everything else goes by Window::Pressed.
-const NamedKey NamedKeys[] = { { "Tab", ImGuiKey_Tab }, { "Left", ImGuiKey_LeftArrow }, { "Right", ImGuiKey_RightArrow },
-  { "Up", ImGuiKey_UpArrow }, { "Down", ImGuiKey_DownArrow }, { "Prior", ImGuiKey_PageUp },
-  { "Next", ImGuiKey_PageDown }, { "Home", ImGuiKey_Home }, { "End", ImGuiKey_End }, { "Insert", ImGuiKey_Insert },
-  { "Delete", ImGuiKey_Delete }, { "BackSpace", ImGuiKey_Backspace }, { "Return", ImGuiKey_Enter },
-  { "KP_Enter", ImGuiKey_KeyPadEnter }, { "Escape", ImGuiKey_Escape }, { "a", ImGuiKey_A }, { "c", ImGuiKey_C },
-  { "v", ImGuiKey_V }, { "x", ImGuiKey_X }, { "y", ImGuiKey_Y }, { "z", ImGuiKey_Z } };
+const NamedKey NamedKeys[] = { { "Tab", ImGuiKey_Tab }, { "Left", ImGuiKey_LeftArrow },
+  { "Right", ImGuiKey_RightArrow }, { "Up", ImGuiKey_UpArrow }, { "Down", ImGuiKey_DownArrow },
+  { "Prior", ImGuiKey_PageUp }, { "Next", ImGuiKey_PageDown }, { "Home", ImGuiKey_Home }, { "End", ImGuiKey_End },
+  { "Insert", ImGuiKey_Insert }, { "Delete", ImGuiKey_Delete }, { "BackSpace", ImGuiKey_Backspace },
+  { "Return", ImGuiKey_Enter }, { "KP_Enter", ImGuiKey_KeyPadEnter }, { "Escape", ImGuiKey_Escape },
+  { "a", ImGuiKey_A }, { "c", ImGuiKey_C }, { "v", ImGuiKey_V }, { "x", ImGuiKey_X }, { "y", ImGuiKey_Y },
+  { "z", ImGuiKey_Z } };
 
 std::string Lower(std::string s)
 {
@@ -83,8 +84,8 @@ void Texture::Upload(vtkRenderWindow* window, const DisplayImage& image)
   this->Object->SetWrapT(vtkTextureObject::ClampToEdge);
   this->Object->SetMinificationFilter(vtkTextureObject::Linear);
   this->Object->SetMagnificationFilter(this->Smooth ? vtkTextureObject::Linear : vtkTextureObject::Nearest);
-  this->Object->Create2DFromRaw(unsigned(image.Width), unsigned(image.Height), 4, VTK_UNSIGNED_CHAR,
-    const_cast<std::uint8_t*>(image.Rgba.data()));
+  this->Object->Create2DFromRaw(
+    unsigned(image.Width), unsigned(image.Height), 4, VTK_UNSIGNED_CHAR, const_cast<std::uint8_t*>(image.Rgba.data()));
   this->Object->Activate();
   this->Object->SendParameters();
   this->Object->Deactivate();
@@ -166,16 +167,16 @@ Window::Window(const Options& options)
   ImGui_ImplOpenGL3_Init("#version 150");
 
   this->Command->SetClientData(this);
-  this->Command->SetCallback([](vtkObject*, unsigned long event, void* self, void* data)
-    { static_cast<Window*>(self)->Handle(event, data); });
+  this->Command->SetCallback(
+    [](vtkObject*, unsigned long event, void* self, void* data) { static_cast<Window*>(self)->Handle(event, data); });
   this->Renderer->AddObserver(vtkCommand::EndEvent, this->Command);
-  for (unsigned long e : { vtkCommand::MouseMoveEvent, vtkCommand::LeftButtonPressEvent,
-         vtkCommand::LeftButtonReleaseEvent, vtkCommand::RightButtonPressEvent, vtkCommand::RightButtonReleaseEvent,
-         vtkCommand::MiddleButtonPressEvent, vtkCommand::MiddleButtonReleaseEvent, vtkCommand::MouseWheelForwardEvent,
-         vtkCommand::MouseWheelBackwardEvent, vtkCommand::KeyPressEvent, vtkCommand::KeyReleaseEvent,
-         vtkCommand::ConfigureEvent, vtkCommand::ExposeEvent, vtkCommand::ExitEvent, vtkCommand::DropFilesEvent,
-         vtkCommand::LeaveEvent, vtkCommand::LeftButtonDoubleClickEvent, vtkCommand::RightButtonDoubleClickEvent,
-         vtkCommand::MiddleButtonDoubleClickEvent })
+  for (unsigned long e :
+    { vtkCommand::MouseMoveEvent, vtkCommand::LeftButtonPressEvent, vtkCommand::LeftButtonReleaseEvent,
+      vtkCommand::RightButtonPressEvent, vtkCommand::RightButtonReleaseEvent, vtkCommand::MiddleButtonPressEvent,
+      vtkCommand::MiddleButtonReleaseEvent, vtkCommand::MouseWheelForwardEvent, vtkCommand::MouseWheelBackwardEvent,
+      vtkCommand::KeyPressEvent, vtkCommand::KeyReleaseEvent, vtkCommand::ConfigureEvent, vtkCommand::ExposeEvent,
+      vtkCommand::ExitEvent, vtkCommand::DropFilesEvent, vtkCommand::LeaveEvent, vtkCommand::LeftButtonDoubleClickEvent,
+      vtkCommand::RightButtonDoubleClickEvent, vtkCommand::MiddleButtonDoubleClickEvent })
   {
     this->Events->AddObserver(e, this->Command);
   }
@@ -535,8 +536,8 @@ std::vector<std::uint8_t> Window::Pixels(int& width, int& height)
   std::vector<std::uint8_t> out(std::size_t(width) * std::size_t(height) * 3);
   for (int y = 0; y < height; ++y)
   {
-    std::memcpy(&out[std::size_t(y) * std::size_t(width) * 3],
-      data->GetPointer(vtkIdType(height - 1 - y) * width * 3), std::size_t(width) * 3);
+    std::memcpy(&out[std::size_t(y) * std::size_t(width) * 3], data->GetPointer(vtkIdType(height - 1 - y) * width * 3),
+      std::size_t(width) * 3);
   }
   return out;
 }

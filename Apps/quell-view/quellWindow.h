@@ -27,12 +27,12 @@ struct WindowEvent
 {
   enum class Kind
   {
-    Move,    ///< X, Y
-    Button,  ///< Button, Down
-    Wheel,   ///< Amount
-    Key,     ///< Sym (X11's name), Down, modifiers
-    Text,    ///< Character
-    Drop     ///< Files
+    Move,   ///< X, Y
+    Button, ///< Button, Down
+    Wheel,  ///< Amount
+    Key,    ///< Sym (X11's name), Down, modifiers
+    Text,   ///< Character
+    Drop    ///< Files
   };
   Kind What = Kind::Move;
   double X = 0, Y = 0; ///< from the top left

@@ -50,7 +50,10 @@ float* NewBlock(std::size_t size, std::size_t number)
   // few lines of every cache.
   const std::size_t offset = Line + (large ? number % 16 * (Page + Line) : 0);
   const std::size_t bytes = offset + size;
-  char* start = static_cast<char*>(std::aligned_alloc(large ? LargePage : Line, bytes));
+  // aligned_alloc would want a size that is a multiple of the alignment.
+  void* memory = nullptr;
+  char* start =
+    posix_memalign(&memory, large ? LargePage : Line, bytes) == 0 ? static_cast<char*>(memory) : nullptr;
   if (!start)
     throw std::bad_alloc();
 #ifdef MADV_HUGEPAGE

@@ -246,8 +246,8 @@ public:
       return out.substr(0, end) + ">" + body + "\n" + indent + "</" + a.Name + ">";
     }
     const std::string close = this->Old.substr(a.Inner, a.End - a.Inner);
-    return out + body + (tail.find('\n') == std::string::npos && !body.empty() && a.Children.empty() ? "\n" + indent : tail) +
-           close;
+    return out + body +
+           (tail.find('\n') == std::string::npos && !body.empty() && a.Children.empty() ? "\n" + indent : tail) + close;
   }
 
 private:
@@ -392,9 +392,12 @@ private:
     };
     pass([](const Span& x, const Span& y) { return Key(x) == Key(y) && SameContent(x, y); });
     pass([](const Span& x, const Span& y) { return Key(x) == Key(y); });
-    pass([](const Span& x, const Span& y)
-      { return x.Name == y.Name && !x.Children.empty() && x.Children.size() == y.Children.size() &&
-               std::equal(x.Children.begin(), x.Children.end(), y.Children.begin(), SameContent); });
+    pass(
+      [](const Span& x, const Span& y)
+      {
+        return x.Name == y.Name && !x.Children.empty() && x.Children.size() == y.Children.size() &&
+               std::equal(x.Children.begin(), x.Children.end(), y.Children.begin(), SameContent);
+      });
     pass([](const Span& x, const Span& y)
       { return x.Name == y.Name && !x.Get("type").empty() && x.Get("type") == y.Get("type") && !x.Get("id").empty(); });
     return partner;
@@ -411,8 +414,8 @@ std::string PatchPipelineText(const std::string& original, const PipelineDocumen
   if (a.Good && b.Good && a.Root().Name == b.Root().Name)
   {
     const Span& root = a.Root();
-    const std::string text = original.substr(0, root.Tag) + Patcher(original, fresh).Element(root, b.Root()) +
-                             original.substr(root.End);
+    const std::string text =
+      original.substr(0, root.Tag) + Patcher(original, fresh).Element(root, b.Root()) + original.substr(root.End);
     Diagnostics ignored;
     if (*ReadPipelineText(text, edited.File, ignored) == edited)
     {

@@ -28,8 +28,7 @@ using PipelinePositions = std::map<std::string, std::pair<double, double>>;
 VTKQUELLPIPELINE_EXPORT PipelinePositions ReadPipelinePositions(const std::string& text);
 /// Replaces them, or adds them before the root's end tag; an empty map takes them out. Unchanged when `text` is not
 /// well-formed.
-VTKQUELLPIPELINE_EXPORT std::string WithPipelinePositions(
-  const std::string& text, const PipelinePositions& positions);
+VTKQUELLPIPELINE_EXPORT std::string WithPipelinePositions(const std::string& text, const PipelinePositions& positions);
 }
 
 #endif

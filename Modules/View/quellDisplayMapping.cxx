@@ -400,8 +400,7 @@ DisplayImage DisplayMapper::Map(
       }
       if (!finite)
       {
-        const bool flagged =
-          settings.FlagNonFinite && !(infinityIsValue && !std::isnan(v[0]) && v[0] > 0);
+        const bool flagged = settings.FlagNonFinite && !(infinityIsValue && !std::isnan(v[0]) && v[0] > 0);
         // Pink and black, which no picture has of itself.
         const bool dark = ((x / 2 + row / 2) & 1) != 0;
         if (flagged)
@@ -455,8 +454,8 @@ DisplayImage DisplayMapper::Map(
         {
           const double length = std::hypot(double(v[0]), double(v[1]));
           const double strength = std::min(1., length / scale.High);
-          const Rgb c = Hue(std::atan2(double(v[1]), double(v[0])) / 6.283185307179586 + 0.5, strength,
-            0.25 + 0.75 * strength);
+          const Rgb c =
+            Hue(std::atan2(double(v[1]), double(v[0])) / 6.283185307179586 + 0.5, strength, 0.25 + 0.75 * strength);
           to[0] = Byte(c.r);
           to[1] = Byte(c.g);
           to[2] = Byte(c.b);

@@ -168,8 +168,7 @@ std::string EditDocument::Text() const
 {
   const std::string body = this->SavedText.empty() ? WritePipelineText(*this->Now.Document)
                                                    : PatchPipelineText(this->SavedText, *this->Now.Document);
-  return this->Now.Positions == ReadPipelinePositions(body) ? body
-                                                            : WithPipelinePositions(body, this->Now.Positions);
+  return this->Now.Positions == ReadPipelinePositions(body) ? body : WithPipelinePositions(body, this->Now.Positions);
 }
 
 bool EditDocument::Save(const std::string& file, std::string& error)
@@ -228,8 +227,10 @@ void EditDocument::MovePaths(const std::string& directory)
 {
   std::error_code ec;
   const fs::path from = fs::weakly_canonical(
-    fs::absolute(this->Now.Document->Directory.empty() ? fs::path(".") : fs::path(this->Now.Document->Directory), ec), ec);
-  const fs::path to = fs::weakly_canonical(fs::absolute(directory.empty() ? fs::path(".") : fs::path(directory), ec), ec);
+    fs::absolute(this->Now.Document->Directory.empty() ? fs::path(".") : fs::path(this->Now.Document->Directory), ec),
+    ec);
+  const fs::path to =
+    fs::weakly_canonical(fs::absolute(directory.empty() ? fs::path(".") : fs::path(directory), ec), ec);
   if (from == to)
   {
     return;
@@ -416,8 +417,7 @@ bool EditDocument::IsEditable(const std::string& scope) const
     return true;
   }
   const std::vector<PipelineTemplate>& own = this->Now.Document->Templates;
-  return std::any_of(
-    own.begin(), own.end(), [&scope](const PipelineTemplate& t) { return t.Name.Value == scope; });
+  return std::any_of(own.begin(), own.end(), [&scope](const PipelineTemplate& t) { return t.Name.Value == scope; });
 }
 
 std::string EditDocument::FreeName(const std::string& scope, const std::string& hint) const
@@ -569,8 +569,8 @@ bool EditDocument::Remove(const std::string& scope, const std::vector<std::strin
     };
     for (PipelineNode& n : *nodes)
     {
-      n.Inputs.erase(std::remove_if(n.Inputs.begin(), n.Inputs.end(),
-                       [&](PipelineInput& i) { return !follow(i.From.Value); }),
+      n.Inputs.erase(
+        std::remove_if(n.Inputs.begin(), n.Inputs.end(), [&](PipelineInput& i) { return !follow(i.From.Value); }),
         n.Inputs.end());
     }
     if (scope.empty())
@@ -581,8 +581,8 @@ bool EditDocument::Remove(const std::string& scope, const std::vector<std::strin
         {
           o.From = PipelineText();
         }
-        o.Layers.erase(std::remove_if(o.Layers.begin(), o.Layers.end(),
-                         [&](PipelineLayer& l) { return !follow(l.From.Value); }),
+        o.Layers.erase(
+          std::remove_if(o.Layers.begin(), o.Layers.end(), [&](PipelineLayer& l) { return !follow(l.From.Value); }),
           o.Layers.end());
       }
     }
@@ -676,13 +676,13 @@ std::vector<std::string> EditDocument::Duplicate(
   }
   if (!made.empty())
   {
-    this->Commit(made.size() == 1 ? "duplicate " + boxes.front() : "duplicate " + std::to_string(made.size()) + " nodes");
+    this->Commit(
+      made.size() == 1 ? "duplicate " + boxes.front() : "duplicate " + std::to_string(made.size()) + " nodes");
   }
   return made;
 }
 
-bool EditDocument::Rename(
-  const std::string& scope, const std::string& box, const std::string& name, std::string& error)
+bool EditDocument::Rename(const std::string& scope, const std::string& box, const std::string& name, std::string& error)
 {
   if (!IsPipelineName(name))
   {
@@ -825,7 +825,8 @@ std::vector<std::string> EditDocument::PasteXml(
   std::string whole = text;
   // A bare <node> is a paste, too.
   const std::size_t first = whole.find_first_not_of(" \t\r\n");
-  if (first != std::string::npos && (whole.compare(first, 5, "<node") == 0 || whole.compare(first, 9, "<instance") == 0))
+  if (first != std::string::npos &&
+      (whole.compare(first, 5, "<node") == 0 || whole.compare(first, 9, "<instance") == 0))
   {
     whole = "<pipeline version=\"1\">" + whole + "</pipeline>";
   }
@@ -1393,7 +1394,7 @@ bool EditDocument::SetOutput(
     if (o.Name.Value == name)
     {
       const PipelineText text = value.empty() ? PipelineText() : TextAt(d, value);
-      (attribute == "file"      ? o.File
+      (attribute == "file"       ? o.File
         : attribute == "view"    ? o.View
         : attribute == "display" ? o.Display
                                  : o.From) = text;

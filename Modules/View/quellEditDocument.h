@@ -61,12 +61,13 @@ public:
   ///@}
 
   ///@{ Nodes
-  std::string AddNode(const std::string& scope, const std::string& type, double x, double y,
-    const std::string& idHint = std::string());
+  std::string AddNode(
+    const std::string& scope, const std::string& type, double x, double y, const std::string& idHint = std::string());
   std::string AddInstance(const std::string& scope, const std::string& templateName, double x, double y);
   /// With links to them. `reconnect`: whoever read the first output of a node reads what its first input read.
   bool Remove(const std::string& scope, const std::vector<std::string>& boxes, bool reconnect = false);
-  std::vector<std::string> Duplicate(const std::string& scope, const std::vector<std::string>& boxes, double dx, double dy);
+  std::vector<std::string> Duplicate(
+    const std::string& scope, const std::vector<std::string>& boxes, double dx, double dy);
   /// Every reference in the scope follows.
   bool Rename(const std::string& scope, const std::string& box, const std::string& name, std::string& error);
   void Move(const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to);

@@ -499,8 +499,8 @@ LinkVerdict GraphModel::Judge(int from, int fromPin, int to, int toPin) const
   const bool loop = from == to || this->LeadsTo(to, from);
   if (loop && in.First)
   {
-    v.Reason = "this closes a loop, and " + in.Name +
-               ", the first input, cannot read the previous frame; use another input";
+    v.Reason =
+      "this closes a loop, and " + in.Name + ", the first input, cannot read the previous frame; use another input";
     return v;
   }
   if (loop && b.Kind == BoxKind::Instance)
@@ -512,7 +512,8 @@ LinkVerdict GraphModel::Judge(int from, int fromPin, int to, int toPin) const
   }
   if (loop && in.Repeatable)
   {
-    v.Reason = "this closes a loop, and " + in.Name + " takes several connections, which cannot read the previous frame";
+    v.Reason =
+      "this closes a loop, and " + in.Name + " takes several connections, which cannot read the previous frame";
     return v;
   }
   v.Ok = true;
@@ -549,8 +550,8 @@ int GraphModel::BestInput(const StageDescription& type, const std::string& array
   return best;
 }
 
-bool GraphModel::FitsOnLink(const StageDescription& type, const GraphLink& link, int& inPort, std::string& outArray,
-  std::string& reason) const
+bool GraphModel::FitsOnLink(
+  const StageDescription& type, const GraphLink& link, int& inPort, std::string& outArray, std::string& reason) const
 {
   if (link.From < 0 || link.FromPin < 0 || link.ToPin < 0)
   {
@@ -667,8 +668,7 @@ std::vector<std::pair<double, double>> ArrangeGraph(const GraphModel& model, con
         }
         order.emplace_back(near.empty() ? place[std::size_t(b)] : sum / double(near.size()), b);
       }
-      std::stable_sort(
-        order.begin(), order.end(), [](const auto& x, const auto& y) { return x.first < y.first; });
+      std::stable_sort(order.begin(), order.end(), [](const auto& x, const auto& y) { return x.first < y.first; });
       for (std::size_t i = 0; i < order.size(); ++i)
       {
         column[i] = order[i].second;

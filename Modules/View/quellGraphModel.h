@@ -29,7 +29,7 @@ enum class BoxKind
 {
   Stage,
   Instance,
-  Output,        ///< of the pipeline
+  Output, ///< of the pipeline
   TemplateInputs,
   TemplateOutput
 };
@@ -59,9 +59,9 @@ struct GraphLink
 struct LinkVerdict
 {
   bool Ok = false;
-  bool Delay = false;   ///< it has to read the previous frame
+  bool Delay = false; ///< it has to read the previous frame
   bool Replaces = false;
-  std::string Reason;   ///< one sentence; also when it is fine but special
+  std::string Reason; ///< one sentence; also when it is fine but special
 };
 
 /// A scope of a document as boxes and links, for drawing and for judging edits.
@@ -84,8 +84,8 @@ public:
   static int BestInput(const StageDescription& type, const std::string& array, ArrayKind kind, int components);
   /// Whether the box can stand on the link: its first fitting input and an output that fits the reader. `inPort` and
   /// `outArray` are for EditDocument::InsertOnLink.
-  bool FitsOnLink(const StageDescription& type, const GraphLink& link, int& inPort, std::string& outArray,
-    std::string& reason) const;
+  bool FitsOnLink(
+    const StageDescription& type, const GraphLink& link, int& inPort, std::string& outArray, std::string& reason) const;
   /// Box `a` is needed by `b` over links of the same frame.
   bool LeadsTo(int a, int b) const;
 };

@@ -124,7 +124,8 @@ Histogram HistogramOf(const Picture& picture, bool logarithmic)
     h.Mean[c] = sum[c] / double(finite);
   }
   std::sort(sample.begin(), sample.end());
-  const double low = double(sample[sample.size() / 500]), high = double(sample[sample.size() - 1 - sample.size() / 500]);
+  const double low = double(sample[sample.size() / 500]),
+               high = double(sample[sample.size() - 1 - sample.size() / 500]);
   h.Low = logarithmic ? std::log10(low) : std::min(0., low);
   h.High = logarithmic ? std::log10(high) : high;
   if (!(h.High > h.Low))
@@ -217,8 +218,7 @@ Picture Compare(const Picture& a, const Picture& b, CompareMap map, double gain,
       }
       else
       {
-        const double d =
-          x.components >= 3 ? 0.2126 * minus(0) + 0.7152 * minus(1) + 0.0722 * minus(2) : minus(0);
+        const double d = x.components >= 3 ? 0.2126 * minus(0) + 0.7152 * minus(1) + 0.0722 * minus(2) : minus(0);
         to[0] = float(gain * (map == CompareMap::SignedDifference ? d : std::fabs(d)));
       }
     }
@@ -228,9 +228,9 @@ Picture Compare(const Picture& a, const Picture& b, CompareMap map, double gain,
 
 bool PresentWish::operator==(const PresentWish& o) const
 {
-  return this->A == o.A && this->B == o.B && this->Display == o.Display && this->Map == o.Map &&
-         this->Gain == o.Gain && this->WantHistogram == o.WantHistogram && this->LogHistogram == o.LogHistogram &&
-         this->Metrics == o.Metrics && this->Reference == o.Reference;
+  return this->A == o.A && this->B == o.B && this->Display == o.Display && this->Map == o.Map && this->Gain == o.Gain &&
+         this->WantHistogram == o.WantHistogram && this->LogHistogram == o.LogHistogram && this->Metrics == o.Metrics &&
+         this->Reference == o.Reference;
 }
 
 struct Presenter::Internals
@@ -309,7 +309,7 @@ struct Presenter::Internals
       if (map)
       {
         DisplaySettings settings = wish.Display;
-        settings.Style = wish.Map == CompareMap::Difference       ? DisplayStyle::Automatic
+        settings.Style = wish.Map == CompareMap::Difference         ? DisplayStyle::Automatic
                          : wish.Map == CompareMap::SignedDifference ? DisplayStyle::Signed
                          : wish.Map == CompareMap::Flip             ? DisplayStyle::Error
                                                                     : DisplayStyle::LogHeat;
@@ -449,8 +449,8 @@ bool Presenter::WaitIdle(double seconds) const
 {
   std::unique_lock<std::mutex> lock(this->Internal->Mutex);
   const Internals& in = *this->Internal;
-  return in.Changed.wait_for(lock, std::chrono::duration<double>(seconds),
-    [&in] { return !in.Busy && in.Serial == in.DoneSerial; });
+  return in.Changed.wait_for(
+    lock, std::chrono::duration<double>(seconds), [&in] { return !in.Busy && in.Serial == in.DoneSerial; });
 }
 
 void Presenter::SetNotify(std::function<void()> notify)

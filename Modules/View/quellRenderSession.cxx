@@ -565,9 +565,8 @@ struct RenderSession::Internals
       return Outcome::Done;
     }
     const int first = this->Pipeline->Ticks.First;
-    int from = std::max(first, wish.History == HistoryMode::Exact
-                                 ? first
-                                 : tick - PlanHistory(*this->Executor, tick).Frames);
+    int from =
+      std::max(first, wish.History == HistoryMode::Exact ? first : tick - PlanHistory(*this->Executor, tick).Frames);
     // Go on from the newest frame there is on the way.
     for (int t = tick - 2; t >= from; --t)
     {
@@ -668,8 +667,8 @@ struct RenderSession::Internals
       this->DropWrongHistory(tick);
       // On the way to many samples: 1, 4, 16 ... of the same sequence.
       const int target = sources.empty() ? 0 : sources.front().Samples;
-      const bool alike = std::all_of(
-        sources.begin(), sources.end(), [&](const SampledSource& s) { return s.Samples == target; });
+      const bool alike =
+        std::all_of(sources.begin(), sources.end(), [&](const SampledSource& s) { return s.Samples == target; });
       this->SetSamples(sources, tick, 0);
       this->SetPose(wish, sources);
       if (wish.Progressive && !wish.Play && alike && !this->IsComplete(sources, tick))
@@ -711,10 +710,9 @@ struct RenderSession::Internals
       if (wish.PlayRate > 0)
       {
         std::unique_lock<std::mutex> lock(this->Mutex);
-        const auto due = start + std::chrono::duration_cast<Clock::duration>(
-                                   std::chrono::duration<double>(1 / wish.PlayRate));
-        this->Changed.wait_until(
-          lock, due, [&] { return this->Quit || this->Stopped || this->Serial != serial; });
+        const auto due =
+          start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / wish.PlayRate));
+        this->Changed.wait_until(lock, due, [&] { return this->Quit || this->Stopped || this->Serial != serial; });
       }
       if (this->Superseded(serial))
       {

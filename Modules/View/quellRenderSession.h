@@ -46,7 +46,7 @@ struct ViewWish
   bool AllArrays = false; ///< of the first target's node, for the pixel inspector
   HistoryMode History = HistoryMode::Exact;
   bool Play = false, Loop = true;
-  double PlayRate = 0; ///< frames a second at most; 0: as fast as it goes
+  double PlayRate = 0;     ///< frames a second at most; 0: as fast as it goes
   bool Progressive = true; ///< frames of many samples are shown on the way; the last one has the bits of one go
   bool Refine = false;     ///< go on beyond the pipeline's samples while nothing else is to be done
   bool Hurry = true;       ///< what runs is given up for this; else a short frame may end first
@@ -76,10 +76,10 @@ struct ViewFrame
     StageCounters Counters; ///< of this frame; Held: at its end
     double Bytes = 0;       ///< of the arrays that it has
   };
-  std::vector<Node> Nodes; ///< in execution order
-  double Seconds = 0;      ///< of RunTick
+  std::vector<Node> Nodes;           ///< in execution order
+  double Seconds = 0;                ///< of RunTick
   int Samples = 0, SamplesAsked = 0; ///< per pixel of the first source, so far and in the pipeline; 0: none
-  bool Final = true;       ///< no more samples will come by themselves
+  bool Final = true;                 ///< no more samples will come by themselves
   std::map<std::string, std::vector<OutputArray>> Arrays; ///< what each node can be asked for
 
   /// The image array; null where the frame does not have it.
@@ -90,10 +90,10 @@ struct ViewFrame
 struct ViewProgress
 {
   bool Busy = false;
-  std::string Node;     ///< at work
-  double Fraction = 0;  ///< of it
-  std::string Phase;    ///< "warming up 3 of 12", "16 of 64 samples"
-  double Elapsed = 0;   ///< seconds of the frame at work
+  std::string Node;                   ///< at work
+  double Fraction = 0;                ///< of it
+  std::string Phase;                  ///< "warming up 3 of 12", "16 of 64 samples"
+  double Elapsed = 0;                 ///< seconds of the frame at work
   std::map<std::string, double> Done; ///< node -> fraction, of the frame at work
 };
 

@@ -122,7 +122,8 @@ std::string ChangeText(const PipelineDocument& before, const PipelineDocument& n
       bool same = n.Inputs.size() == old->Inputs.size();
       for (std::size_t i = 0; same && i < n.Inputs.size(); ++i)
       {
-        same = n.Inputs[i].From.Value == old->Inputs[i].From.Value && n.Inputs[i].Port.Value == old->Inputs[i].Port.Value;
+        same =
+          n.Inputs[i].From.Value == old->Inputs[i].From.Value && n.Inputs[i].Port.Value == old->Inputs[i].Port.Value;
       }
       if (!same)
       {

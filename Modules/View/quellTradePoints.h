@@ -72,20 +72,21 @@ VTKQUELLVIEW_EXPORT double FrameMilliseconds(const ViewFrame& frame);
 struct LedgerRow
 {
   std::string Node;
-  std::string Note;         ///< why there are no figures
-  double Error = 0;         ///< without the node
-  double Milliseconds = 0;  ///< of the frame without it
+  std::string Note;        ///< why there are no figures
+  double Error = 0;        ///< without the node
+  double Milliseconds = 0; ///< of the frame without it
   bool Done = false;
 };
 class VTKQUELLVIEW_EXPORT LedgerRun
 {
 public:
   /// `target` is of the document's top level; the last of the frames [first, tick] is compared.
-  LedgerRun(std::shared_ptr<const PipelineDocument> document, const GraphOptions& options, const StageRegistry& registry,
-    const ViewTarget& target, int tick, const Picture& reference, const std::string& metric);
+  LedgerRun(std::shared_ptr<const PipelineDocument> document, const GraphOptions& options,
+    const StageRegistry& registry, const ViewTarget& target, int tick, const Picture& reference,
+    const std::string& metric);
   ~LedgerRun(); ///< cancels and waits
   std::vector<LedgerRow> Rows() const;
-  double BaseError() const;        ///< of the whole pipeline; negative: not known yet
+  double BaseError() const; ///< of the whole pipeline; negative: not known yet
   double BaseMilliseconds() const;
   bool Finished() const;
   std::shared_ptr<const PipelineDocument> Document() const;

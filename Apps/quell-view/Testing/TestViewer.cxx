@@ -202,7 +202,10 @@ TEST_F(Viewing, BuildsTheSvgfPipelineByMouse)
   const auto link = [&](const std::string& from, const std::string& to)
   { this->Do("drag out/" + from + " in/" + to + "\n"); };
   const auto variable = [&](const std::string& property, const std::string& name)
-  { this->Do("click label/" + property + " right\nmove menu/variables\nclick menu/variables\nclick menu/variable/" + name + "\n"); };
+  {
+    this->Do("click label/" + property + " right\nmove menu/variables\nclick menu/variables\nclick menu/variable/" +
+             name + "\n");
+  };
   const auto make = [&](const std::string& property)
   { this->Do("click label/" + property + " right\nclick menu/make-variable\n"); };
 
@@ -273,7 +276,8 @@ TEST_F(Viewing, BuildsTheSvgfPipelineByMouse)
   link("pt/radiance", "compare/baseline");
   link("taa/radiance", "output:beauty/image");
   link("taa/radiance", "output:preview/image");
-  this->Do("move graph@0.02,0.98\nkey l\nclick node/taa\nkey s ctrl\nclick files/name\nkey a ctrl\ntype built.xml\nkey Return\nwait\n");
+  this->Do("move graph@0.02,0.98\nkey l\nclick node/taa\nkey s ctrl\nclick files/name\nkey a ctrl\ntype built.xml\nkey "
+           "Return\nwait\n");
 
   EXPECT_EQ(EssenceOf("built.xml"), EssenceOf(Data + "/Pipelines/svgf.xml"));
   EXPECT_EQ(this->View->ErrorText(), "");
@@ -406,7 +410,8 @@ TEST_F(Viewing, TheCameraOrbitsAndTheHistoryGoesOn)
   ASSERT_TRUE(this->View->Open("svgf.xml"));
   this->Do("wait\nmove image\nkey c\nwait\n");
   const FrameFacts before = FrameFacts::Read(this->View->Frame()->Images.begin()->second->GetFieldData());
-  this->Do("move image@0.5,0.5\npress left\nmove image@0.51,0.5\nwait\nmove image@0.52,0.5\nwait\nmove image@0.53,0.5\nwait\nrelease left\nwait\n");
+  this->Do("move image@0.5,0.5\npress left\nmove image@0.51,0.5\nwait\nmove image@0.52,0.5\nwait\nmove "
+           "image@0.53,0.5\nwait\nrelease left\nwait\n");
   const auto frame = this->View->Frame();
   ASSERT_TRUE(frame->Ok) << frame->Error;
   EXPECT_GE(frame->LiveTicks, 3);
@@ -603,8 +608,9 @@ TEST_F(Viewing, SurvivesAThousandRandomEvents)
   o.Graph.Defines = { { "width", "16" }, { "height", "16" }, { "spp", "1" }, { "frames", "3" } };
   this->Start(900, 620, 1, o);
   ASSERT_TRUE(this->View->Open("svgf.xml"));
-  const std::vector<std::string> keys{ "Tab", "Escape", "Delete", "F1", "F2", "Return", "space", "Left", "Right", "Home",
-    "End", "l", "a", "f", "1", "w", "x", "d", "k", "c", "h", "r", "plus", "minus", "BackSpace", "Up", "Down", "0" };
+  const std::vector<std::string> keys{ "Tab", "Escape", "Delete", "F1", "F2", "Return", "space", "Left", "Right",
+    "Home", "End", "l", "a", "f", "1", "w", "x", "d", "k", "c", "h", "r", "plus", "minus", "BackSpace", "Up", "Down",
+    "0" };
   const std::vector<std::string> chords{ "z", "y", "c", "v", "d", "a", "n", "x" };
   for (int i = 0; i < 1000; ++i)
   {

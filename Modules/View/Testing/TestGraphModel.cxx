@@ -18,8 +18,8 @@ EditDocument Opened(const char* name)
 }
 
 /// Mistakes that a link of these two has in BuildGraph, beside what the rest of the document has anyway.
-bool BuildAccepts(const std::string& from, const std::string& array, const std::string& to, const std::string& port,
-  bool delay)
+bool BuildAccepts(
+  const std::string& from, const std::string& array, const std::string& to, const std::string& port, bool delay)
 {
   auto d = std::make_shared<PipelineDocument>();
   d->Version = "1";
@@ -93,8 +93,7 @@ TEST(GraphModel, LoopsNeedAFrameInBetween)
   EditDocument d = Opened("quick.xml");
   const GraphModel m = GraphModel::Build(d, "", Registry());
   const int blur = m.Find("blur"), demodulate = m.Find("demodulate"), modulate = m.Find("modulate");
-  const LinkVerdict first = m.Judge(
-    modulate, 0, demodulate, m.Boxes[std::size_t(demodulate)].FindInput("radiance"));
+  const LinkVerdict first = m.Judge(modulate, 0, demodulate, m.Boxes[std::size_t(demodulate)].FindInput("radiance"));
   EXPECT_FALSE(first.Ok);
   EXPECT_NE(first.Reason.find("loop"), std::string::npos) << first.Reason;
   const int guide = m.Boxes[std::size_t(blur)].FindInput("albedo");

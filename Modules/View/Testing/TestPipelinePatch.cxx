@@ -61,8 +61,7 @@ TEST(PipelinePatch, NothingChangedIsTheSameBytes)
       std::stringstream text;
       text << stream.rdbuf();
       Diagnostics messages;
-      EXPECT_EQ(PatchPipelineText(text.str(), *ReadPipelineFile(e.path().string(), messages)), text.str())
-        << e.path();
+      EXPECT_EQ(PatchPipelineText(text.str(), *ReadPipelineFile(e.path().string(), messages)), text.str()) << e.path();
     }
   }
 }
@@ -149,7 +148,8 @@ TEST(PipelinePatch, AnythingThatIsNoPipelineIsWrittenAnew)
 
 TEST(PipelinePatch, PositionsDisturbNothing)
 {
-  const PipelinePositions positions{ { "pt", { 40, -60 } }, { "svgf/atrous", { 300, 12 } }, { "output:beauty", { 1, 2 } } };
+  const PipelinePositions positions{ { "pt", { 40, -60 } }, { "svgf/atrous", { 300, 12 } },
+    { "output:beauty", { 1, 2 } } };
   const std::string with = WithPipelinePositions(Hand, positions);
   EXPECT_EQ(ReadPipelinePositions(with), positions);
   EXPECT_EQ(Read(with), Read(Hand));

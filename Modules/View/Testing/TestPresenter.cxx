@@ -62,8 +62,8 @@ TEST(DisplayMapper, RowsAreTurnedAndColoursGoThroughTheView)
 TEST(DisplayMapper, EachKindHasItsPicture)
 {
   const float inf = std::numeric_limits<float>::infinity();
-  EXPECT_EQ(At(Map(Make("normal", ArrayKind::Normal, 1, 1, 3, { 1, 0, -1 })), 0, 0),
-    (std::array<int, 3>{ 255, 128, 0 }));
+  EXPECT_EQ(
+    At(Map(Make("normal", ArrayKind::Normal, 1, 1, 3, { 1, 0, -1 })), 0, 0), (std::array<int, 3>{ 255, 128, 0 }));
   const DisplayImage depth = Map(Make("depth", ArrayKind::Depth, 3, 1, 1, { 1, 100, inf }));
   EXPECT_TRUE(depth.Logarithmic);
   EXPECT_EQ(depth.NonFinite, 0) << "infinity is the depth where nothing was hit";
@@ -129,8 +129,7 @@ TEST(Compare, MapsAreWhatTheySay)
 
 TEST(Histogram, CountsEveryFiniteValueOnce)
 {
-  const Picture p = Make("depth", ArrayKind::Depth, 5, 1, 1,
-    { 0, 1, 2, 4, std::numeric_limits<float>::infinity() });
+  const Picture p = Make("depth", ArrayKind::Depth, 5, 1, 1, { 0, 1, 2, 4, std::numeric_limits<float>::infinity() });
   const Histogram h = HistogramOf(p, false);
   int sum = 0;
   for (int c : h.Counts[0])

@@ -45,8 +45,7 @@ GraphOptions Small(int frames = 4)
 
 std::vector<float> Values(vtkImageData* image, const std::string& array)
 {
-  vtkFloatArray* a =
-    image ? vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(array.c_str())) : nullptr;
+  vtkFloatArray* a = image ? vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(array.c_str())) : nullptr;
   if (!a)
   {
     ADD_FAILURE() << "no array " << array;
@@ -102,8 +101,8 @@ TEST(RenderSession, HoldsTheBitsOfARunWithHistory)
   const auto frame = f.Run();
   ASSERT_TRUE(frame->Ok) << frame->Error;
   EXPECT_EQ(frame->Tick, 3);
-  EXPECT_TRUE(SameBits(
-    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 3, f.Wish.Targets[0])));
+  EXPECT_TRUE(
+    SameBits(Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 3, f.Wish.Targets[0])));
 }
 
 TEST(RenderSession, ShowsManySamplesOnTheWayAndEndsWithTheBitsOfOneGo)
@@ -175,13 +174,13 @@ TEST(RenderSession, AFilterParameterLeavesThePathTracerAlone)
   EXPECT_EQ(executions["demodulate"], 0);
   EXPECT_EQ(executions["blur"], 1);
   EXPECT_EQ(executions["modulate"], 1);
-  EXPECT_TRUE(SameBits(
-    Values(frame->Image("sum"), "radiance"), Expected(edited, f.Wish.Options, 0, f.Wish.Targets[0])));
+  EXPECT_TRUE(
+    SameBits(Values(frame->Image("sum"), "radiance"), Expected(edited, f.Wish.Options, 0, f.Wish.Targets[0])));
 
   // Taking the edit back resets the property of the stage that stayed.
   f.Wish.Document = document;
-  EXPECT_TRUE(SameBits(
-    Values(f.Run()->Image("sum"), "radiance"), Expected(document, f.Wish.Options, 0, f.Wish.Targets[0])));
+  EXPECT_TRUE(
+    SameBits(Values(f.Run()->Image("sum"), "radiance"), Expected(document, f.Wish.Options, 0, f.Wish.Targets[0])));
 }
 
 TEST(RenderSession, ANodeInsertedOnALinkKeepsWhatIsAboveIt)
@@ -277,8 +276,8 @@ TEST(RenderSession, AnotherFrameSizeStartsWithoutHistory)
   const auto frame = f.Run();
   ASSERT_TRUE(frame->Ok) << frame->Error;
   EXPECT_EQ(frame->Image("taa")->GetDimensions()[0], 24);
-  EXPECT_TRUE(SameBits(
-    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 2, f.Wish.Targets[0])));
+  EXPECT_TRUE(
+    SameBits(Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 2, f.Wish.Targets[0])));
 }
 
 TEST(RenderSession, ALiveCameraKeepsTheHistory)
@@ -322,8 +321,8 @@ TEST(RenderSession, ALiveCameraKeepsTheHistory)
   f.Wish.Targets = { { "taa", "radiance" } };
   frame = f.Run();
   ASSERT_TRUE(frame->Ok) << frame->Error;
-  EXPECT_TRUE(SameBits(
-    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 0, f.Wish.Targets[0])));
+  EXPECT_TRUE(
+    SameBits(Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 0, f.Wish.Targets[0])));
 }
 
 TEST(RenderSession, CancelEndsAFrameThatWouldTakeMinutes)
@@ -369,8 +368,8 @@ TEST(RenderSession, PlaysThroughTheTimelineInOrder)
     });
   const auto frame = f.Run();
   f.Session.SetNotify(nullptr);
-  EXPECT_TRUE(SameBits(
-    Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 4, f.Wish.Targets[0])));
+  EXPECT_TRUE(
+    SameBits(Values(frame->Image("taa"), "radiance"), Expected(f.Wish.Document, f.Wish.Options, 4, f.Wish.Targets[0])));
   std::lock_guard<std::mutex> lock(mutex);
   EXPECT_EQ(ticks, (std::vector<int>{ 0, 1, 2, 3, 4 }));
 }
