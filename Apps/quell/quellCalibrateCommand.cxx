@@ -92,6 +92,10 @@ int CalibrateCommand(const CalibrateArguments& a)
     }
   }
   const int types = model.Settle();
+  if (types == 0)
+  {
+    throw UsageError("nothing was executed: the pipelines have no output, or no node");
+  }
   model.Save(file);
   for (const auto& c : model.Nanoseconds())
   {

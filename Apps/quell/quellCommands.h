@@ -117,7 +117,8 @@ std::shared_ptr<const PipelineDocument> ReadDocument(const std::string& file);
 /// -D, --set, --output, --seed and --out.
 GraphOptions GraphOptionsOf(const PipelineArguments& arguments);
 /// "A:B" are frames A to B, both of them, "N" is one; `end` is one behind the last. Empty: all. Throws UsageError.
-void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end);
+void ParseFrames(
+  const std::string& text, const Timeline& ticks, int& first, int& end, const std::string& whose = "the pipeline");
 /// The plan of a run, in bands where --memory asks for that; throws UsageError when it needs more all the same.
 ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);
 /// What stages cost, of this machine where it was measured; a file that cannot be read is warned of.

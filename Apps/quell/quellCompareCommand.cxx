@@ -173,6 +173,7 @@ struct LayerErrors
   std::vector<double> Percentiles;                    ///< of the first metric, in the last frame
   double Brightest = 0;
   std::string Map;
+  std::vector<std::string> Undefined; ///< asked for, and why there is no value
 };
 
 const double Shares[] = { 0.5, 0.9, 0.99, 0.999, 1 };
@@ -222,7 +223,7 @@ public:
     {
       RequireLayer(test, t, layer);
       RequireLayer(reference, r, layer);
-      this->Results.push_back({ layer, {}, {}, 0, {} });
+      this->Results.push_back({ layer, {}, {}, 0, {}, {} });
     }
     this->Temporal.resize(layers.size());
     const std::vector<std::string> names = ArrayNames(t);
@@ -301,9 +302,9 @@ void Comparison::Add(const std::string& testFile, const std::string& referenceFi
         // Of the usual set, what an image cannot have (FLIP of depth, SSIM of ten pixels) is left out; an image that no
         // metric can be computed of is an error.
         problem = e.what();
-        if (!this->Arguments.Metrics.empty() || !this->Arguments.Maxima.empty())
+        if (this->Results.size() == 1 && (!this->Arguments.Metrics.empty() || !this->Arguments.Maxima.empty()))
         {
-          throw StageError(this->Results.size() > 1 ? "layer " + Quoted(l.Layer) + ": " + problem : problem);
+          throw StageError(problem);
         }
       }
     }
@@ -367,6 +368,19 @@ void Comparison::Finish()
       if (asked)
       {
         l.Values.push_back(v);
+      }
+    }
+    for (const std::string& m : this->Metrics)
+    {
+      const bool there = std::any_of(
+        l.Values.begin(), l.Values.end(), [&m](const std::pair<std::string, double>& v) { return v.first == m; });
+      if (IsTemporal(m) && !there)
+      {
+        l.Undefined.push_back(m + ": " +
+                              (this->Frames < 2                   ? "needs at least two frames"
+                                : m == "warp" && !this->HasMotion ? "the test files have no layer \"motion\""
+                                : m == "warp"                     ? "no pixel's motion stays inside the image"
+                                                                  : "the reference does not change"));
       }
     }
   }
@@ -483,6 +497,20 @@ int CompareCommand(const CompareArguments& a)
     metrics = { "relMSE", "relMSE@0.1%", "SMAPE", "PSNR", "SSIM", "FLIP" };
   }
 
+  if ((!a.Map.empty() || a.Percentiles) && std::all_of(metrics.begin(), metrics.end(), IsTemporal))
+  {
+    throw UsageError(std::string(a.Map.empty() ? "--percentiles" : "--map") + ": " + metrics.front() +
+                     " has no value of a pixel; name a metric of single images too, as --metric relMSE");
+  }
+  for (const std::string& file : { a.Test, a.Reference })
+  {
+    std::error_code unknown;
+    if (!a.Map.empty() && (a.Map == file || std::filesystem::equivalent(a.Map, file, unknown)))
+    {
+      throw UsageError("--map " + a.Map + " would write over what is compared");
+    }
+  }
+
   std::vector<int> frames{ 0 };
   if (sequence)
   {
@@ -497,7 +525,7 @@ int CompareCommand(const CompareArguments& a)
       Timeline all;
       all.First = frames.front(), all.Count = frames.back() - frames.front() + 1;
       int first = 0, end = 0;
-      ParseFrames(a.Frames, all, first, end);
+      ParseFrames(a.Frames, all, first, end, a.Test);
       frames.clear();
       for (int n = first; n < end; ++n)
       {
@@ -552,8 +580,22 @@ int CompareCommand(const CompareArguments& a)
     {
       layer["map"] = { { "file", l.Map }, { "metric", l.Values.front().first }, { "brightest", l.Brightest } };
     }
+    for (const std::string& why : l.Undefined)
+    {
+      layer["undefined"].push_back(why);
+    }
     for (const auto& limit : maxima)
     {
+      const auto elsewhere = [&limit](const LayerErrors& other)
+      {
+        return std::any_of(other.Values.begin(), other.Values.end(),
+          [&limit](const std::pair<std::string, double>& x) { return x.first == limit.first; });
+      };
+      if (!elsewhere(l) && !IsTemporal(limit.first) &&
+          std::any_of(comparison.Results.begin(), comparison.Results.end(), elsewhere))
+      {
+        continue; // a layer that cannot have this metric, beside one that has
+      }
       const auto v = std::find_if(l.Values.begin(), l.Values.end(),
         [&limit](const std::pair<std::string, double>& x) { return x.first == limit.first; });
       // Written so that a value that is not a number, or is not there, exceeds too.
@@ -591,6 +633,10 @@ int CompareCommand(const CompareArguments& a)
     PrintTable(comparison);
     for (const LayerErrors& l : comparison.Results)
     {
+      for (const std::string& why : l.Undefined)
+      {
+        std::printf("%sno %s\n", several ? (l.Layer + ": ").c_str() : "", why.c_str());
+      }
       if (!l.Percentiles.empty())
       {
         std::printf("%s%s of the pixels%s:", several ? (l.Layer + ": ").c_str() : "", l.Values.front().first.c_str(),

@@ -256,7 +256,11 @@ std::string Joined(const std::vector<std::string>& names)
 int InspectCommand(const std::string& file, bool asJson)
 {
   ReadReport report;
-  const vtkSmartPointer<vtkImageData> image = ReadImageFile(file, &report);
+  const ReadReport header = ReadImageHeader(file);
+  ReadOptions held; // what the file holds, not what it leaves empty
+  held.Region = Rect{ 0, 0, header.Width, header.Height }.clipped(header.DataWindow);
+  const vtkSmartPointer<vtkImageData> image =
+    held.Region.empty() ? ReadImageFile(file, &report) : ReadImageFile(file, &report, held);
   nlohmann::json out = { { "file", file }, { "format", report.Format }, { "width", report.Width },
     { "height", report.Height } };
   const Rect& w = report.DataWindow;

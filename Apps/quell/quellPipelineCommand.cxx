@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -115,7 +116,7 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   if (seconds >= 0)
   {
     out["estimate"] = { { "seconds", seconds }, { "threads", plan.Threads }, { "nodesNotKnown", unknown },
-      { "ofThisMachine", plan.CostsOfThisMachine } };
+      { "ofThisMachine", plan.CostsOfAnotherMachine == 0 } };
   }
   out["variables"] = json::object();
   for (const auto& v : plan.Variables)
@@ -161,7 +162,7 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
 }
 }
 
-void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end)
+void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int& end, const std::string& whose)
 {
   const int last = ticks.First + ticks.Count - 1;
   first = ticks.First;
@@ -190,15 +191,15 @@ void ParseFrames(const std::string& text, const Timeline& ticks, int& first, int
   const std::string range = std::to_string(ticks.First) + ":" + std::to_string(last);
   if (first >= end)
   {
-    throw UsageError("--frames " + text + ": no frame; A:B means frames A to B, the pipeline has " + range);
+    throw UsageError("--frames " + text + ": no frame; A:B means frames A to B, " + whose + " has " + range);
   }
   if (first < ticks.First || first > last)
   {
-    throw UsageError("--frames " + text + ": the pipeline has frames " + range);
+    throw UsageError("--frames " + text + ": " + whose + " has frames " + range);
   }
   if (end > last + 1)
   {
-    std::fprintf(stderr, "quell: --frames %s: the pipeline has frames %s; ending with frame %d\n", text.c_str(),
+    std::fprintf(stderr, "quell: --frames %s: %s has frames %s; ending with frame %d\n", text.c_str(), whose.c_str(),
       range.c_str(), last);
     end = last + 1;
   }
@@ -224,6 +225,67 @@ GraphOptions GraphOptionsOf(const PipelineArguments& a)
   return options;
 }
 
+/// True where the two names can be those of one file; either may be a pattern with ####.
+static bool MayBeOneFile(const std::string& a, const std::string& b, int first, int end)
+{
+  const auto normal = [](const std::string& path)
+  { return std::filesystem::weakly_canonical(std::filesystem::absolute(path)).string(); };
+  const std::string x = normal(a), y = normal(b);
+  const auto isPattern = [](const std::string& path)
+  { return std::filesystem::path(path).filename().string().find('#') != std::string::npos; };
+  if (x == y || isPattern(x) == isPattern(y))
+  {
+    return x == y;
+  }
+  const std::string &pattern = isPattern(x) ? x : y, &one = isPattern(x) ? y : x;
+  for (int tick = first; tick < end; ++tick)
+  {
+    if (SequencePath(pattern, tick) == one)
+    {
+      return true;
+    }
+  }
+  return false;
+}
+
+/// What a run would write over: another of its outputs, or a file that it reads.
+static void CheckFiles(const PipelineArguments& a, const PreparedRun& run)
+{
+  const Graph& graph = *run.Pipeline;
+  for (const GraphOutput& o : graph.Outputs)
+  {
+    if (o.File.empty())
+    {
+      continue;
+    }
+    const std::string what = "output " + Quoted(o.Name) + " would write over ";
+    for (const GraphOutput& other : graph.Outputs)
+    {
+      if (&other > &o && !other.File.empty() && MayBeOneFile(o.File, other.File, run.First, run.End))
+      {
+        throw UsageError("outputs " + Quoted(o.Name) + " and " + Quoted(other.Name) +
+                         " write the same file: " + o.File + " and " + other.File + "; nothing was executed");
+      }
+    }
+    if (MayBeOneFile(o.File, a.File, run.First, run.End) && !IsExr(a.File))
+    {
+      throw UsageError(what + "the pipeline file " + a.File + "; nothing was executed");
+    }
+    for (const GraphNode& n : graph.Nodes)
+    {
+      for (const GraphProperty& p : n.Properties)
+      {
+        const Property* property = n.Description().FindProperty(p.Name);
+        if (property && property->Kind == Property::Type::Path && !p.Text.empty() && !n.Internal &&
+            n.Type != "ImageWriter" && MayBeOneFile(o.File, p.Text, run.First, run.End))
+        {
+          throw UsageError(what + p.Text + ", which node " + Quoted(n.Path) + " reads; nothing was executed");
+        }
+      }
+    }
+  }
+}
+
 bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
 {
   const GraphOptions options = GraphOptionsOf(a);
@@ -242,6 +304,7 @@ bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
   {
     throw UsageError(a.File + ": no output has a file; give one in the pipeline or with --output NAME=FILE");
   }
+  CheckFiles(a, run);
   run.Executor->SetRegion(run.Region);
   run.History = PlanHistory(*run.Executor, run.First, a.WarmUpTolerance);
   return true;

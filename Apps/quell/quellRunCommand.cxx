@@ -234,6 +234,11 @@ public:
 
   void SetProgress(ProgressLine* line) { this->Line = line; }
 
+  bool Exists() const
+  {
+    std::error_code code;
+    return std::filesystem::exists(this->File, code);
+  }
   /// Where to start; throws UsageError when there is a checkpoint that is not of this run.
   int Resume()
   {
@@ -543,9 +548,10 @@ struct Times
     {
       std::printf("of a single frame: with reading the scene and without history, which the estimates leave out\n");
     }
-    if (!this->Plan.CostsOfThisMachine)
+    if (this->Plan.CostsOfAnotherMachine > 0)
     {
-      std::printf("the estimates are those of another machine: quell calibrate measures this one\n");
+      std::printf("estimates of %d nodes are another machine's: quell calibrate measures this one\n",
+        this->Plan.CostsOfAnotherMachine);
     }
   }
 };
@@ -595,6 +601,11 @@ int RunCommand(const RunArguments& arguments)
     return ExitUsage;
   }
   PipelineExecutor& executor = *run.Executor;
+  std::error_code unknown;
+  if (!arguments.Stats.empty() && std::filesystem::equivalent(arguments.Stats, arguments.File, unknown))
+  {
+    throw UsageError("--stats " + arguments.Stats + " would write over the pipeline file; nothing was executed");
+  }
   std::string error;
   if (run.Region && !executor.CheckRegion(error))
   {
@@ -627,6 +638,17 @@ int RunCommand(const RunArguments& arguments)
   Checkpoints checkpoints(run);
   if (arguments.Resume && executor.HasDelays())
   {
+    // A history cannot be begun in the middle, but nothing is left to do where every frame is there.
+    Progress all = resumed;
+    if (!checkpoints.Exists())
+    {
+      SkipFinishedFrames(run, metadata, all);
+    }
+    if (int(all.Done.size()) == run.End - run.First)
+    {
+      std::printf("nothing to do: all %d frames are there\n", run.End - run.First);
+      return ExitDone;
+    }
     resumed.Start = checkpoints.Resume();
   }
   else if (arguments.Resume)

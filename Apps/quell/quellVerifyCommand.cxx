@@ -170,7 +170,31 @@ int VerifyCommand(const VerifyArguments& a)
     line.FrameDone(t, t + 1 - first, 0);
   }
   line.Clear();
-  const vtkSmartPointer<vtkImageData> again = ReadImageFile(SequencePath(pattern, tick), nullptr, options);
+  const std::string remade = SequencePath(pattern, tick);
+  const ReadReport now = ReadImageHeader(remade);
+  if (now.Width != header.Width || now.Height != header.Height || now.DataWindow != header.DataWindow)
+  {
+    const auto size = [](const ReadReport& r)
+    {
+      return std::to_string(r.DataWindow.width()) + " x " + std::to_string(r.DataWindow.height()) + " of " +
+             std::to_string(r.Width) + " x " + std::to_string(r.Height) + " pixels";
+    };
+    if (a.Json)
+    {
+      std::printf("%s\n",
+        nlohmann::json({ { "file", a.File }, { "frame", tick }, { "same", false },
+                         { "layers", nlohmann::json::array() }, { "size", size(header) }, { "remadeSize", size(now) } })
+          .dump(2)
+          .c_str());
+    }
+    else
+    {
+      std::printf("%s: frame %d differs from what its pipeline makes\n  it has %s, its pipeline makes %s\n",
+        a.File.c_str(), tick, size(header).c_str(), size(now).c_str());
+    }
+    return ExitExceeded;
+  }
+  const vtkSmartPointer<vtkImageData> again = ReadImageFile(remade, nullptr, options);
 
   nlohmann::json out = { { "file", a.File }, { "frame", tick }, { "layers", nlohmann::json::array() } };
   bool same = true;

@@ -87,17 +87,30 @@ CostModel CostModel::Load(const std::string& file, std::string& problem)
     if (std::isfinite(ns) && ns > 0)
     {
       model.Costs[entry.key()] = ns;
-      model.Calibrated = true;
+      model.Own.insert(entry.key());
+    }
+    else
+    {
+      problem = file + ": what it says of " + entry.key() + " is no time: it is ignored";
     }
   }
   return model;
 }
 
-double CostModel::Seconds(const vtkQuellStage& stage, const std::string& type, double pixels, int threads) const
+std::string CostModel::KeyOf(const vtkQuellStage& stage, const std::string& type) const
 {
   const std::string scene = SceneOf(stage);
-  auto at = scene.empty() ? this->Costs.end() : this->Costs.find(type + " " + scene);
-  at = at == this->Costs.end() ? this->Costs.find(type) : at;
+  return !scene.empty() && this->Costs.count(type + " " + scene) ? type + " " + scene : type;
+}
+
+bool CostModel::IsOfThisMachine(const vtkQuellStage& stage, const std::string& type) const
+{
+  return this->Own.count(this->KeyOf(stage, type)) > 0;
+}
+
+double CostModel::Seconds(const vtkQuellStage& stage, const std::string& type, double pixels, int threads) const
+{
+  const auto at = this->Costs.find(this->KeyOf(stage, type));
   return at == this->Costs.end() ? -1. : pixels * stage.CostPerPixel() * at->second * 1e-9 / std::max(1, threads);
 }
 
@@ -123,8 +136,8 @@ int CostModel::Settle()
   for (const auto& s : this->Samples)
   {
     this->Costs[s.first] = Median(s.second);
+    this->Own.insert(s.first);
   }
-  this->Calibrated = this->Calibrated || count > 0;
   this->Samples.clear();
   return count;
 }
@@ -136,7 +149,10 @@ void CostModel::Save(const std::string& file) const
   nlohmann::json json = { { "machine", MachineText() }, { "nanoseconds", nlohmann::json::object() } };
   for (const auto& c : this->Costs)
   {
-    json["nanoseconds"][c.first] = c.second;
+    if (this->Own.count(c.first))
+    {
+      json["nanoseconds"][c.first] = c.second;
+    }
   }
   const std::string part = file + "." + std::to_string(getpid()) + ".part";
   std::ofstream stream(part);

@@ -6,7 +6,9 @@
 #include "vtkQuellPipelineModule.h"
 
 #include <map>
+#include <set>
 #include <string>
+#include <vector>
 
 class vtkQuellStage;
 
@@ -38,16 +40,19 @@ public:
   void Measure(const vtkQuellStage& stage, const std::string& type, double pixels, int threads, double seconds);
   /// Makes medians of what was measured since the last call. Returns how many types.
   int Settle();
-  /// The file appears whole or not at all. Throws StageError.
+  /// What was measured on this machine. The file appears whole or not at all. Throws StageError.
   void Save(const std::string& file) const;
 
-  bool IsOfThisMachine() const { return this->Calibrated; }
+  /// Whether what Seconds says of the stage was measured here.
+  bool IsOfThisMachine(const vtkQuellStage& stage, const std::string& type) const;
   const std::map<std::string, double>& Nanoseconds() const { return this->Costs; }
 
 private:
   std::map<std::string, double> Costs;                ///< type, or type and scene -> ns
   std::map<std::string, std::vector<double>> Samples; ///< not yet settled
-  bool Calibrated = false;
+  std::set<std::string> Own;                          ///< of Costs, those of this machine
+
+  std::string KeyOf(const vtkQuellStage& stage, const std::string& type) const;
 };
 
 /// "AMD EPYC, 2 processors".

@@ -84,13 +84,14 @@ double PlanBytes(const ExecutionPlan& plan)
 void EstimateCosts(ExecutionPlan& plan, const PipelineExecutor& executor, const CostModel& model, int threads)
 {
   plan.Threads = threads;
-  plan.CostsOfThisMachine = model.IsOfThisMachine();
+  plan.CostsOfAnotherMachine = 0;
   for (PlannedNode& n : plan.Nodes)
   {
     const vtkQuellStage* stage = executor.GetStage(n.Path);
     if (n.Executes && stage)
     {
       n.Seconds = model.Seconds(*stage, n.Type, double(n.Region.area()), threads);
+      plan.CostsOfAnotherMachine += n.Seconds >= 0 && !model.IsOfThisMachine(*stage, n.Type);
     }
   }
 }
@@ -570,7 +571,10 @@ std::string PlanText(const ExecutionPlan& plan)
     out += "time: about " + SecondsText(seconds) + " a frame with " + std::to_string(plan.Threads) +
            (plan.Threads == 1 ? " thread" : " threads") + " (without reading the scene";
     out += unknown > 0 ? "; " + std::to_string(unknown) + (unknown == 1 ? " node" : " nodes") + " not known)" : ")";
-    out += plan.CostsOfThisMachine ? "\n" : "; costs of another machine, quell calibrate measures this one\n";
+    out += plan.CostsOfAnotherMachine == 0 ? "\n"
+                                           : "; costs of " + std::to_string(plan.CostsOfAnotherMachine) +
+                                               (plan.CostsOfAnotherMachine == 1 ? " node are" : " nodes are") +
+                                               " another machine's, quell calibrate measures this one\n";
   }
   const double held = PlanBytes(plan);
   if (held > bytes)

@@ -56,8 +56,8 @@ struct ExecutionPlan
   std::vector<PlannedNode> Nodes;
   std::vector<std::pair<std::string, std::string>> LeftOut; ///< `node "x" (T)` -> why
   int Threads = 0;                                          ///< of the estimates; 0: there are none
-  bool CostsOfThisMachine = false;                          ///< the estimates follow from quell calibrate
-  std::string Error;                                        ///< why the plan is not complete
+  int CostsOfAnotherMachine = 0; ///< nodes whose estimates do not follow from quell calibrate
+  std::string Error;             ///< why the plan is not complete
 };
 
 /// Asks every live stage for its information (which opens no more than headers) and propagates demand as a pass would;

@@ -410,9 +410,10 @@ TEST_F(Explain, CostsAreWhatWasMeasured)
   const auto graph = Load(Temporal);
   PipelineExecutor executor(graph, pipelinetest::Registry());
   CostModel model = CostModel::BuiltIn();
-  EXPECT_FALSE(model.IsOfThisMachine());
   const vtkQuellStage* blur = executor.GetStage("blur");
   ASSERT_NE(blur, nullptr);
+  EXPECT_FALSE(model.IsOfThisMachine(*blur, "TestBox"));
+  const auto builtIn = model.Nanoseconds();
   EXPECT_LT(model.Seconds(*blur, "TestBox", 1000, 1), 0) << "nobody measured it";
   // Twice 2 us on one thread and once 30 us on two: the median counts, in thread time.
   model.Measure(*blur, "TestBox", 1000, 1, 2e-6);
@@ -420,7 +421,8 @@ TEST_F(Explain, CostsAreWhatWasMeasured)
   model.Measure(*blur, "TestBox", 2000, 1, 4e-6);
   EXPECT_LT(model.Seconds(*blur, "TestBox", 1000, 1), 0) << "not settled yet";
   EXPECT_EQ(model.Settle(), 1);
-  EXPECT_TRUE(model.IsOfThisMachine());
+  EXPECT_TRUE(model.IsOfThisMachine(*blur, "TestBox"));
+  EXPECT_FALSE(model.IsOfThisMachine(*blur, "ATrousFilter")) << "that was not measured";
   EXPECT_NEAR(model.Seconds(*blur, "TestBox", 4000, 1), 8e-6, 1e-12);
   EXPECT_NEAR(model.Seconds(*blur, "TestBox", 4000, 2), 4e-6, 1e-12);
   // Kept and read again.
@@ -429,7 +431,9 @@ TEST_F(Explain, CostsAreWhatWasMeasured)
   std::string problem;
   const CostModel again = CostModel::Load(file, problem);
   EXPECT_EQ(problem, "");
-  EXPECT_TRUE(again.IsOfThisMachine());
+  EXPECT_TRUE(again.IsOfThisMachine(*blur, "TestBox"));
+  EXPECT_FALSE(again.IsOfThisMachine(*blur, "ATrousFilter"));
+  EXPECT_EQ(again.Nanoseconds().size(), builtIn.size() + 1);
   EXPECT_EQ(again.Nanoseconds(), model.Nanoseconds());
 
   ExecutionPlan plan = MakePlan(executor, {}, 0, 1);
