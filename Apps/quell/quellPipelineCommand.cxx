@@ -75,6 +75,11 @@ std::optional<DisplayRegion> ParseRegion(const std::string& text)
 /// By its first bytes: the name may be anything.
 bool IsExr(const std::string& file)
 {
+  std::error_code code;
+  if (!std::filesystem::is_regular_file(file, code))
+  {
+    return false; // opening a pipe would wait for ever
+  }
   std::ifstream stream(file, std::ios::binary);
   const unsigned char magic[4] = { 0x76, 0x2f, 0x31, 0x01 };
   char head[4] = {};

@@ -68,6 +68,9 @@ std::string SniffFormat(const std::string& path)
     Refuse("read", path, "there is no such file", "check the path (input paths are relative to the pipeline file)");
   if (fs::is_directory(status))
     Refuse("read", path, "it is a directory", "name a file in it, or a pattern such as frame.####.exr");
+  if (fs::is_fifo(status) || fs::is_socket(status))
+    Refuse(
+      "read", path, "it is a pipe", "images are read from files, more than once"); // opening it would wait for ever
   std::ifstream in(path, std::ios::binary);
   if (!in)
     Refuse("read", path, "permission denied", "check the file's permissions");

@@ -167,10 +167,13 @@ public:
       this->Messages.Error(place, where, where.empty() ? "cannot be opened for reading" : "cannot be opened: " + file);
       return document;
     }
-    // A file may grow while it is read, and some have no size at all: one byte more than allowed is enough to tell.
-    std::string text(XmlLimits().Bytes + 1, '\0');
-    stream.read(&text[0], std::streamsize(text.size()));
-    text.resize(std::size_t(stream.gcount()));
+    // A file may grow while it is read, and some have no size at all: past the limit no more is needed to refuse it.
+    std::string text;
+    char piece[65536];
+    while (text.size() <= XmlLimits().Bytes && (stream.read(piece, sizeof piece), stream.gcount() > 0))
+    {
+      text.append(piece, std::size_t(stream.gcount()));
+    }
     this->Parse(text, *document);
     return document;
   }

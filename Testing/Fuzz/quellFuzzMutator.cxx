@@ -231,7 +231,7 @@ void FuzzMutator::AddBlock(std::string& text)
   if (at == std::string::npos)
     return;
   // Mostly few: what multiplies until the program refuses takes a hundred times as long as any other document.
-  const std::size_t n = 1 + this->Below(this->Below(100) ? 6 : 300), ways = 1 + this->Below(3);
+  const std::size_t n = 1 + this->Below(this->Below(500) ? 5 : 300), ways = 1 + this->Below(2);
   std::string block;
   const auto name = [](const char* stem, std::size_t i) { return stem + std::to_string(i); };
   switch (this->Below(4))

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <gtest/gtest.h>
 #include <sstream>
+#include <sys/stat.h>
 
 namespace fs = std::filesystem;
 using namespace quell;
@@ -309,6 +310,8 @@ TEST_F(EveryDiagnosticFiles, Files)
 {
   EXPECT_EQ(this->Of("nowhere.xml"), "nowhere.xml: error: no such file\n");
   EXPECT_EQ(this->Of("."), ".: error: not a file\n");
+  ASSERT_EQ(mkfifo("pipe.xml", 0600), 0); // opening it would wait for ever
+  EXPECT_EQ(this->Of("pipe.xml"), "pipe.xml: error: not a file\n");
   this->Write("p.xml", "<pipeline version=\"1\">\n<include file=\".\"/>\n<include file=\"no.xml\"/>\n<include "
                        "file=\"a$(b).xml\"/>\n<include file=\"" +
                          std::string(4097, 'x') + "\"/></pipeline>");
