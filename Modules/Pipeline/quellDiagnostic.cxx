@@ -40,12 +40,18 @@ std::string Diagnostic::ToText() const
 
 namespace
 {
-/// Control characters as \xNN: names of files and words of stages come as they are, and a message is one line.
+/// Control characters as \xNN: names of files and words of stages come as they are, and a message is one line; what is
+/// beyond all reading is cut.
 std::string Visible(const std::string& text)
 {
+  const std::size_t limit = 4000;
   std::string out;
   for (unsigned char c : text)
   {
+    if (out.size() > limit && (c & 0xC0) != 0x80) // never inside a UTF-8 sequence
+    {
+      return out + "...";
+    }
     if (c >= 0x20 && c != 0x7F)
     {
       out += char(c);

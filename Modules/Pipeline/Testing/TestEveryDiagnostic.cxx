@@ -306,6 +306,21 @@ TEST_F(EveryDiagnosticFiles, NamesWithLineEnds)
   EXPECT_EQ(this->Of("p.xml"), "p.xml:2:10: error: include \"a\\x0Ab\": no such file: a\\x0Ab\n");
 }
 
+// Found by mutating files: 65536 characters of a value came back in full.
+TEST(EveryDiagnostic, IsNotTooLong)
+{
+  const std::string long1 = std::string(30000, 'x'), long2 = std::string(60000, 'y');
+  for (const std::string& text :
+    { Messages("<node id=\"a\" type=\"TestSource\"><property name=\"Scene\" value=\"" + long1 + "\"/></node>"),
+      Messages(Pt + "<output name=\"o\" from=\"pt\" file=\"" + long2 + "\"/><output name=\"p\" from=\"pt\" file=\"" +
+               long2 + "\"/>"),
+      Messages(Pt + "<node id=\"b\" type=\"TestBox\"><input port=\"radiance\" from=\"" + long2 + ":\"/></node>") })
+  {
+    EXPECT_FALSE(text.empty());
+    EXPECT_LT(text.size(), 9000u);
+  }
+}
+
 TEST_F(EveryDiagnosticFiles, Files)
 {
   EXPECT_EQ(this->Of("nowhere.xml"), "nowhere.xml: error: no such file\n");
