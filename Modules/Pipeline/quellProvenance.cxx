@@ -243,23 +243,47 @@ private:
     return nullptr;
   }
 
-  /// Variables that name output files are relative to the working directory of each run.
-  std::set<std::string> OutputNames() const
+  /// Variables and parameters whose values stay as they are, whatever their type says: names of output files, which are
+  /// relative to the working directory of each run, and what stands in properties that are no paths, and in the time.
+  std::set<std::string> PlainNames() const
   {
     std::set<std::string> names;
     for (const PipelineOutput& o : this->Out->Outputs)
     {
       CollectNames(o.File.Value, names);
     }
+    for (const PipelineText* text : { &this->Out->Time.First, &this->Out->Time.Count, &this->Out->Time.Rate })
+    {
+      CollectNames(text->Value, names);
+    }
+    this->CollectPlain(this->Out->Nodes, names);
+    for (const PipelineTemplate& t : this->Out->Templates)
+    {
+      this->CollectPlain(t.Nodes, names);
+    }
     return names;
+  }
+
+  void CollectPlain(const std::vector<PipelineNode>& nodes, std::set<std::string>& names) const
+  {
+    for (const PipelineNode& n : nodes)
+    {
+      for (const PipelineProperty& p : n.Properties)
+      {
+        if (!n.IsInstance && !this->IsPath(this->Expanded(n.Type.Value), this->Expanded(p.Name.Value)))
+        {
+          CollectNames(p.Value.Value, names);
+        }
+      }
+    }
   }
 
   void MakePathsAbsolute()
   {
-    const std::set<std::string> outputs = this->OutputNames();
+    const std::set<std::string> plain = this->PlainNames();
     for (PipelineVariable& v : this->Out->Variables)
     {
-      if (v.Type.Value == "path" && !outputs.count(v.Name.Value))
+      if (v.Type.Value == "path" && !plain.count(v.Name.Value))
       {
         this->MakeAbsolute(v.Default);
       }
@@ -269,7 +293,7 @@ private:
       PipelineTemplate& t = this->Out->Templates[i];
       for (PipelineVariable& p : t.Parameters)
       {
-        if (p.Type.Value == "path")
+        if (p.Type.Value == "path" && !plain.count(p.Name.Value))
         {
           this->MakeAbsolute(p.Default);
         }
@@ -299,14 +323,14 @@ private:
   // ---- what the command line said ---------------------------------------------------------------------------------
   void WriteDefines()
   {
-    const std::set<std::string> outputs = this->OutputNames();
+    const std::set<std::string> plain = this->PlainNames();
     for (const auto& define : this->Source.Options.Defines)
     {
       for (PipelineVariable& v : this->Out->Variables)
       {
         if (v.Name.Value == define.first)
         {
-          const bool path = v.Type.Value == "path" && !outputs.count(define.first) && IsRelativePath(define.second);
+          const bool path = v.Type.Value == "path" && !plain.count(define.first) && IsRelativePath(define.second);
           SetText(v.Default, Escaped(path ? Absolute(define.second) : define.second));
         }
       }
