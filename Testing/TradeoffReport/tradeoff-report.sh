@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # tradeoff-report.sh QUELL TOP: measures the project's own default pipelines on this machine and writes
 # TOP/Documentation/tradeoff-pipelines.md with the pages behind it in TOP/Documentation/tradeoff/.
-# About five minutes on two quiet cores; interrupted, it goes on where it was when it is called again.
+# About eight minutes on two cores; interrupted, it goes on where it was when it is called again.
 set -euo pipefail
 quell=$1 top=$2
 pipelines=$top/Data/Pipelines
@@ -29,18 +29,14 @@ sweep() {
   } >> "$work/sections.md"
 }
 
-[ -f still-reference.exr ] ||
-  "$quell" run "$pipelines/still.xml" -D spp=2048 -D seed=1000 --output pt:radiance=still-reference.exr --out "$work" --quiet >/dev/null
 [ -f quick-reference.exr ] ||
   "$quell" run "$pipelines/quick.xml" -D spp=4096 -D seed=1000 --output pt:radiance=quick-reference.exr --out "$work" --quiet >/dev/null
 : > sections.md
 sweep svgf 'svgf.xml: samples, passes over indirect light, anti-aliasing' svgf.xml \
   --reference "$top/Data/Images/cornell-box-moving.0031.exr" --vary spp=1,2,4 --vary indirect/atrous.Iterations=2,4,5 \
-  --vary taa=on,off --seeds 3 --repeats 3
+  --vary taa=on,off --seeds 3 --repeats 3 --no-ledger
 sweep quick 'quick.xml: samples against the width of a bilateral filter' quick.xml \
   --reference "$work/quick-reference.exr" --vary 'spp=1..64*4' --vary blur.Radius=2,4,8 --vary blur=on,off --seeds 4 --repeats 4
-sweep still 'still.xml: samples against the window of the regression' still.xml \
-  --reference "$work/still-reference.exr" --vary spp=4,16,64 --vary regress.Radius=5,10 --vary regress=on,off --seeds 3 --repeats 3
 {
   printf '# What the default pipelines cost and buy\n\n'
   printf 'Written by `./bootstrap.sh report tradeoff` ([how it measures](tradeoff.md)). Times are of the machine named on the pages and of that\n'
