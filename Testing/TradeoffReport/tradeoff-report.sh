@@ -22,7 +22,7 @@ sweep() {
   {
     printf '\n## %s\n\n' "$title"
     printf '```\nquell tradeoff Data/Pipelines/%s' "$pipeline"
-    printf ' %q' "$@" | sed "s|$top/||g; s|$work/||g"
+    printf ' %q' "$@" | sed 's|\\,|,|g; s|'"$top"'/||g; s|'"$work"'/||g'
     printf '\n```\n\n[The page with plots, pictures and every setting](tradeoff/%s.html). What the command printed:\n\n```\n' "$name"
     sed "s|$work/||g; s|$top/||g" "$name.txt"
     printf '```\n'
