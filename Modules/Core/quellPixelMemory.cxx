@@ -3,6 +3,7 @@
 
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <mutex>
 #include <new>
@@ -13,6 +14,7 @@ namespace quell
 namespace
 {
 constexpr std::size_t Line = 64, Page = 4096, LargePage = std::size_t(2) << 20;
+constexpr int Window = 2048; // blocks given back while a peak of use is remembered, at least: 50 frames of SVGF
 
 /// Before the floats of each block.
 struct Header
@@ -22,12 +24,39 @@ struct Header
 };
 static_assert(sizeof(Header) <= Line);
 
+Header& HeaderOf(float* floats)
+{
+  return *reinterpret_cast<Header*>(reinterpret_cast<char*>(floats) - Line);
+}
+
 struct Pool
 {
   std::mutex Mutex;
-  std::vector<float*> Free; ///< oldest first
-  std::size_t Bytes = 0;
+  std::vector<float*> Free;   ///< oldest first
+  std::size_t Bytes = 0;      ///< of Free
+  std::size_t Used = 0;       ///< bytes that somebody has
+  std::size_t Most = 0;       ///< of Used, in this window of blocks given back
+  std::size_t MostBefore = 0; ///< in the window before
+  int Given = 0;
   std::size_t Made = 0;
+
+  void Take(std::size_t size)
+  {
+    this->Used += size;
+    this->Most = std::max(this->Most, this->Used);
+    this->Trim();
+  }
+  /// Gives back to the system what is above the limit. The blocks that waited longest go first.
+  void Trim() noexcept
+  {
+    const std::size_t limit = std::max(PixelMemoryKept, std::max(this->Most, this->MostBefore) - this->Used);
+    while (this->Bytes > limit)
+    {
+      this->Bytes -= HeaderOf(this->Free.front()).Size;
+      std::free(HeaderOf(this->Free.front()).Start);
+      this->Free.erase(this->Free.begin());
+    }
+  }
 };
 
 /// Never destroyed: arrays may outlive static objects.
@@ -35,11 +64,6 @@ Pool& ThePool()
 {
   static Pool* pool = new Pool;
   return *pool;
-}
-
-Header& HeaderOf(float* floats)
-{
-  return *reinterpret_cast<Header*>(reinterpret_cast<char*>(floats) - Line);
 }
 
 /// `number`: of the block.
@@ -52,8 +76,7 @@ float* NewBlock(std::size_t size, std::size_t number)
   const std::size_t bytes = offset + size;
   // aligned_alloc would want a size that is a multiple of the alignment.
   void* memory = nullptr;
-  char* start =
-    posix_memalign(&memory, large ? LargePage : Line, bytes) == 0 ? static_cast<char*>(memory) : nullptr;
+  char* start = posix_memalign(&memory, large ? LargePage : Line, bytes) == 0 ? static_cast<char*>(memory) : nullptr;
   if (!start)
     throw std::bad_alloc();
 #ifdef MADV_HUGEPAGE
@@ -80,11 +103,16 @@ float* TakePixelMemory(std::size_t floats)
         float* block = pool.Free[i];
         pool.Free.erase(pool.Free.begin() + std::ptrdiff_t(i));
         pool.Bytes -= size;
+        pool.Take(size);
         return block;
       }
     number = pool.Made++;
   }
-  return NewBlock(size, number);
+  float* block = NewBlock(size, number);
+  Pool& pool = ThePool();
+  std::lock_guard<std::mutex> lock(pool.Mutex);
+  pool.Take(size);
+  return block;
 }
 
 void GivePixelMemory(void* memory) noexcept
@@ -95,8 +123,15 @@ void GivePixelMemory(void* memory) noexcept
   Pool& pool = ThePool();
   std::lock_guard<std::mutex> lock(pool.Mutex);
   const std::size_t size = HeaderOf(block).Size;
+  pool.Used -= size;
+  if (++pool.Given == Window)
+  {
+    pool.Given = 0;
+    pool.MostBefore = pool.Most;
+    pool.Most = pool.Used;
+  }
   // Small blocks are malloc's business.
-  if (size < 65536 || size > PixelMemoryKept)
+  if (size < 65536)
   {
     std::free(HeaderOf(block).Start);
     return;
@@ -111,11 +146,13 @@ void GivePixelMemory(void* memory) noexcept
     return;
   }
   pool.Bytes += size;
-  while (pool.Bytes > PixelMemoryKept)
-  {
-    pool.Bytes -= HeaderOf(pool.Free.front()).Size;
-    std::free(HeaderOf(pool.Free.front()).Start);
-    pool.Free.erase(pool.Free.begin());
-  }
+  pool.Trim();
+}
+
+std::size_t PixelMemoryWaiting() noexcept
+{
+  Pool& pool = ThePool();
+  std::lock_guard<std::mutex> lock(pool.Mutex);
+  return pool.Bytes;
 }
 }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <set>
 #include <vector>
 
 using namespace quell;
@@ -25,10 +26,11 @@ TEST(PixelMemory, IsUsedAgainAndAligned)
   GivePixelMemory(nullptr);
 }
 
-// What is given back beyond the limit goes to the system: all of it can be taken and filled again and again.
-TEST(PixelMemory, KeepsALimitedAmount)
+// A frame that needs much more than the floor finds its blocks again in the next one; later small frames let them go.
+TEST(PixelMemory, KeepsWhatAFrameNeededUntilThePeakFades)
 {
   const std::size_t floats = PixelMemoryKept / sizeof(float) / 4;
+  std::set<float*> first;
   for (int round = 0; round < 3; ++round)
   {
     std::vector<float*> all;
@@ -37,12 +39,36 @@ TEST(PixelMemory, KeepsALimitedAmount)
       all.push_back(TakePixelMemory(floats));
       all.back()[0] = all.back()[floats - 1] = float(i);
     }
+    if (round == 0)
+      first.insert(all.begin(), all.end());
+    EXPECT_EQ(std::set<float*>(all.begin(), all.end()), first);
+    EXPECT_LT(PixelMemoryWaiting(), PixelMemoryKept);
     for (int i = 0; i < 8; ++i)
     {
       EXPECT_EQ(all[std::size_t(i)][0], float(i));
       EXPECT_EQ(all[std::size_t(i)][floats - 1], float(i));
       GivePixelMemory(all[std::size_t(i)]);
     }
+    EXPECT_GE(PixelMemoryWaiting(), 2 * PixelMemoryKept);
   }
+  for (int i = 0; i < 3 * 4096; ++i)
+    GivePixelMemory(TakePixelMemory(50000));
+  EXPECT_LE(PixelMemoryWaiting(), PixelMemoryKept);
   GivePixelMemory(TakePixelMemory(0));
+}
+
+// Blocks of another size make room: what is held never exceeds the peak by more than the floor.
+TEST(PixelMemory, OtherSizesTakeThePlaceOfTheOld)
+{
+  const std::size_t floats = PixelMemoryKept / sizeof(float) / 4;
+  for (std::size_t size : { floats, floats + 1000, floats + 2000, floats + 3000 })
+  {
+    std::vector<float*> all;
+    for (int i = 0; i < 8; ++i)
+      all.push_back(TakePixelMemory(size));
+    EXPECT_LE(PixelMemoryWaiting(), PixelMemoryKept);
+    for (float* block : all)
+      GivePixelMemory(block);
+    EXPECT_LE(PixelMemoryWaiting(), 3 * PixelMemoryKept);
+  }
 }
