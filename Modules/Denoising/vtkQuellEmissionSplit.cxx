@@ -14,9 +14,9 @@ void vtkQuellEmissionSplit::Describe(quell::StageDescription& d)
   d.Brief = "Takes lamps seen directly out of a frame that has no emission pass.";
   d.Details =
     "A pixel is bright when its luminance exceeds `Threshold` and so do `Neighbours` of the 8 around it (a lamp is an "
-    "area, a firefly is not); a lamp is a bright pixel, or one of at least `EdgePart Threshold` with a bright one at "
-    "most "
-    "`Grow` columns and rows away. `emission` is the input in lamps and `radiance` elsewhere, else 0: their sum is the "
+    "area, a firefly is not); a lamp is a bright pixel, or one that is brighter than EdgePart times the brightest of "
+    "the bright ones at most `Grow` columns and rows away. `emission` is the input in lamps and `radiance` elsewhere, "
+    "else 0: their sum is the "
     "input to the last bit. Give `mask` to the filters that follow as a guide with distance `Id`. Nothing outside the "
     "image is bright; a pixel that is not finite is none and becomes the mean of its finite neighbours in `radiance`.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the beauty");
@@ -27,7 +27,7 @@ void vtkQuellEmissionSplit::Describe(quell::StageDescription& d)
   QUELL_INT(
     d, Neighbours, "pixels", "of the 8 around a bright pixel, so many must be bright; 0: fireflies are lamps too");
   QUELL_INT(d, Grow, "pixels", "how far around a lamp pixels may show a part of it");
-  QUELL_DOUBLE(d, EdgePart, "", "of Threshold: how bright such a pixel is at least");
+  QUELL_DOUBLE(d, EdgePart, "", "of the lamp's luminance: how bright a pixel of its edge is at least");
 }
 
 vtkQuellEmissionSplit::vtkQuellEmissionSplit()

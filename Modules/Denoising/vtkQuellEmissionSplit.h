@@ -33,7 +33,7 @@ public:
   vtkSetClampMacro(Grow, int, 0, 8);
   vtkGetMacro(Grow, int);
   ///@}
-  ///@{ Luminance of such a pixel at least, in parts of Threshold, default 0.05, range [0, 1].
+  ///@{ Luminance of such a pixel at least, in parts of the lamp's, default 0.05, range [0, 1].
   vtkSetClampMacro(EdgePart, double, 0., 1.);
   vtkGetMacro(EdgePart, double);
   ///@}

@@ -56,12 +56,12 @@ void vtkQuellFireflyClamp::Execute(quell::StageFrame& frame)
   const quell::ImageOut filtered = frame.Output("radiance"), residual = frame.Output("residual");
   const quell::FireflyClampParameters p{ float(this->Threshold), quell::ClampMeasure(this->Measure),
     float(this->Growth) };
-  this->Ledger.Run(
-    frame.Region(),
+  const quell::ClampLedger ledger = this->Ledger.Run(
+    frame.Region(), frame.Tick(),
     [this](const quell::Rect& rows, auto&& body) { this->ForEachTile(rows, quell::EnergyLedger::RowsPerStrip, body); },
     [&](const quell::Rect& strip) { return quell::FireflyClamp(in, count, p, filtered, residual, strip); });
   quell::PixelCount bad;
-  bad.Add(this->Ledger.Total().NonFinite);
+  bad.Add(ledger.NonFinite);
   bad.Report(this->Counters, this->Warnings, "radiance");
 }
 

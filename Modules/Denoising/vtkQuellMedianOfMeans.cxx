@@ -53,12 +53,12 @@ void vtkQuellMedianOfMeans::Execute(quell::StageFrame& frame)
   const quell::MedianOfMeansParameters p{ quell::MeansEstimator(this->Estimator), this->GiniThreshold };
   const quell::MedianOfMeansOutputs out{ frame.Output("radiance"), frame.Output("residual"), frame.Output("mean"),
     frame.Output("gini") };
-  this->Ledger.Run(
-    frame.Region(),
+  const quell::ClampLedger ledger = this->Ledger.Run(
+    frame.Region(), frame.Tick(),
     [this](const quell::Rect& rows, auto&& body) { this->ForEachTile(rows, quell::EnergyLedger::RowsPerStrip, body); },
     [&](const quell::Rect& strip) { return quell::MedianOfMeans(buffers.data(), count, p, out, strip); });
   quell::PixelCount bad;
-  bad.Add(this->Ledger.Total().NonFinite);
+  bad.Add(ledger.NonFinite);
   bad.Report(this->Counters, this->Warnings, "the buffers");
 }
 

@@ -57,8 +57,8 @@ void vtkQuellRankClamp::Execute(quell::StageFrame& frame)
   const quell::ImageIn in = frame.Input(Radiance), id = frame.Input(Id);
   const quell::ImageOut filtered = frame.Output("radiance"), residual = frame.Output("residual");
   const quell::RankClampParameters p{ this->Radius, this->Rank, this->Factor, quell::ClampMeasure(this->Measure) };
-  this->Ledger.Run(
-    frame.Region(),
+  const quell::ClampLedger ledger = this->Ledger.Run(
+    frame.Region(), frame.Tick(),
     [this](const quell::Rect& rows, auto&& body) { this->ForEachTile(rows, quell::EnergyLedger::RowsPerStrip, body); },
     [&](const quell::Rect& strip)
     {
@@ -68,7 +68,7 @@ void vtkQuellRankClamp::Execute(quell::StageFrame& frame)
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
   quell::PixelCount bad;
-  bad.Add(this->Ledger.Total().NonFinite);
+  bad.Add(ledger.NonFinite);
   bad.Report(this->Counters, this->Warnings, "radiance");
 }
 

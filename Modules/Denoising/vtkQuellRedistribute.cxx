@@ -79,8 +79,10 @@ void vtkQuellRedistribute::Execute(quell::StageFrame& frame)
   in.normal = frame.Input(Normal);
   in.id = frame.Input(Id);
   const quell::ImageOut out = frame.Output("radiance");
-  // Of all that takes part: for Image the whole frame, else the region.
-  const quell::Rect counted = this->Over == Image ? frame.Whole() : frame.Region();
+  // Of all that takes part: for Image the whole frame, else what is new of this frame.
+  bool started = false;
+  const quell::Rect added = this->Counted.Add(frame.Region(), frame.Tick(), started);
+  const quell::Rect counted = this->Over == Image ? frame.Whole() : added;
   std::vector<quell::ImageEnergy> rows(counted.height());
   this->ForEachTile(
     { 0, counted.y0, 1, counted.y1 }, RowsPerTask,
@@ -93,8 +95,10 @@ void vtkQuellRedistribute::Execute(quell::StageFrame& frame)
   quell::ImageEnergy sum;
   for (const quell::ImageEnergy& row : rows)
     sum += row;
-  this->EnergyLeft = sum.Luminance;
-  this->EnergySpread = 0.2126 * sum.Residual[0] + 0.7152 * sum.Residual[1] + 0.0722 * sum.Residual[2];
+  if (started || this->Over == Image)
+    this->EnergyLeft = this->EnergySpread = 0;
+  this->EnergyLeft += sum.Luminance;
+  this->EnergySpread += 0.2126 * sum.Residual[0] + 0.7152 * sum.Residual[1] + 0.0722 * sum.Residual[2];
 
   quell::PixelCount bad;
   if (this->Over == Image)

@@ -11,6 +11,7 @@
 #define vtkQuellRedistribute_h
 
 #include "quellPixelCount.h"
+#include "quellEnergyLedger.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
 
@@ -68,6 +69,7 @@ protected:
 private:
   int Over = Neighbourhood, Radius = 8;
   double Sigma = 1.5, Threshold = 5, SigmaNormal = 0.3, SigmaDepth = 0.1;
+  quell::CountedRows Counted;
   double EnergyLeft = 0, EnergySpread = 0;
 
   vtkQuellRedistribute(const vtkQuellRedistribute&) = delete;

@@ -3,6 +3,8 @@
 
 #include "quellGuards.h"
 
+#include <algorithm>
+
 namespace quell
 {
 std::int64_t EmissionSplit(const ImageIn& radiance, const EmissionSplitParameters& p, const ImageOut& emission,
@@ -25,13 +27,19 @@ std::int64_t EmissionSplit(const ImageIn& radiance, const EmissionSplitParameter
   };
   const auto lamp = [&](int x, int y)
   {
-    if (!(luminance(x, y) > p.edgePart * p.threshold))
+    const float own = luminance(x, y);
+    if (!(own > p.edgePart * p.threshold))
       return false;
+    float brightest = 0;
     for (int dy = -p.grow; dy <= p.grow; ++dy)
       for (int dx = -p.grow; dx <= p.grow; ++dx)
         if (bright(x + dx, y + dy))
-          return true;
-    return false;
+        {
+          if (dx == 0 && dy == 0)
+            return true;
+          brightest = std::max(brightest, luminance(x + dx, y + dy));
+        }
+    return brightest > 0 && own > p.edgePart * brightest;
   };
   std::int64_t bad = 0;
   for (int y = tile.y0; y < tile.y1; ++y)

@@ -20,8 +20,10 @@ struct EmissionSplitParameters
 /// Finds light sources seen directly in a frame that has no emission pass, and takes them out.
 ///
 ///   bright(p): luminance(p) > threshold, and so it is at `neighbours` or more of the 8 pixels around p
-///   lamp(p):   bright(p), or luminance(p) > edgePart threshold and a bright pixel is at most `grow` columns and rows
-///   away emission = radiance at lamps, else 0;   rest = radiance - emission;   mask = 1 at lamps, else 0
+///   lamp(p):   bright(p), or luminance(p) > edgePart max of luminance over the bright pixels at most `grow` columns
+///   and
+///              rows away: the lamp covers more than that part of it
+///   emission = radiance at lamps, else 0;   rest = radiance - emission;   mask = 1 at lamps, else 0
 ///
 /// emission + rest is the input, bit for bit; one of them is 0. Luminance is Rec. 709. Outside the frame nothing is
 /// bright; a pixel that is not finite is neither bright nor a lamp, and is filled from its neighbours in `rest`. The

@@ -3,6 +3,7 @@
 
 #include "quellGuards.h"
 
+#include <algorithm>
 #include <limits>
 
 #undef HWY_TARGET_INCLUDE
@@ -10,6 +11,19 @@
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
 #include "quellLanes.hxx"
+
+#ifndef quellFilterPlanes_once
+#define quellFilterPlanes_once
+namespace quell
+{
+namespace
+{
+// Radiance is not negative; what is, is noise of a filter before. With these limits the difference of two colours is
+// below FLT_MAX, and so is a weighted mean of such differences.
+constexpr float LeastColor = -1e35f, LargestColor = 3.4e38f;
+}
+}
+#endif
 
 HWY_BEFORE_NAMESPACE();
 namespace quell
@@ -47,6 +61,7 @@ int SplitColorsImpl(const float* HWY_RESTRICT in, int count, float* HWY_RESTRICT
   const int lanes = int(hn::Lanes(d));
   const V inf = hn::Set(d, std::numeric_limits<float>::infinity());
   const V least = hn::Set(d, -1e38f), most = hn::Set(d, 1e38f);
+  const V darkest = hn::Set(d, LeastColor), brightest = hn::Set(d, LargestColor);
   int i = 0, bad = 0;
   for (; i + lanes <= count; i += lanes)
   {
@@ -56,9 +71,9 @@ int SplitColorsImpl(const float* HWY_RESTRICT in, int count, float* HWY_RESTRICT
     V l = hn::Add(hn::Mul(hn::Set(d, 0.7152f), g), hn::Mul(hn::Set(d, 0.0722f), b));
     l = hn::Add(hn::Mul(hn::Set(d, 0.2126f), r), l);
     l = hn::Min(hn::Max(l, least), most);
-    hn::StoreU(r, d, red + i);
-    hn::StoreU(g, d, green + i);
-    hn::StoreU(b, d, blue + i);
+    hn::StoreU(hn::Min(hn::Max(r, darkest), brightest), d, red + i);
+    hn::StoreU(hn::Min(hn::Max(g, darkest), brightest), d, green + i);
+    hn::StoreU(hn::Min(hn::Max(b, darkest), brightest), d, blue + i);
     hn::StoreU(hn::IfThenElse(good, l, inf), d, luminance + i);
     bad |= !hn::AllTrue(d, good);
   }
@@ -116,6 +131,11 @@ namespace
 constexpr float LongestNormal = 1e6f; // a longer one is no direction (and its dot product may overflow)
 constexpr float Inf = std::numeric_limits<float>::infinity();
 constexpr float LargestVariance = 1e38f; // Sum w^2 v stays below FLT_MAX
+
+float LimitColor(float c) noexcept
+{
+  return std::min(std::max(c, LeastColor), LargestColor);
+}
 
 /// Fills the padding of row y, and the pad rows beside the first and last row.
 void Pad(const PlaneLayout& layout, float* plane, int y, float value) noexcept
@@ -245,7 +265,7 @@ std::int64_t CopyColor(const ImageIn& color, const ImageIn& variance, const Guid
     {
       const float cr = in[3 * i], cg = in[3 * i + 1], cb = in[3 * i + 2];
       const bool good = Finite(cr) & Finite(cg) & Finite(cb);
-      r[i] = cr, g[i] = cg, b[i] = cb;
+      r[i] = LimitColor(cr), g[i] = LimitColor(cg), b[i] = LimitColor(cb);
       l[i] = good ? FilterLuminance(cr, cg, cb) : Inf;
       badInRow += !good;
     }
@@ -269,7 +289,7 @@ std::int64_t CopyColor(const ImageIn& color, const ImageIn& variance, const Guid
         {
           float c[3];
           ReadFilled(color, e.x0 + i, y, c);
-          r[i] = c[0], g[i] = c[1], b[i] = c[2];
+          r[i] = LimitColor(c[0]), g[i] = LimitColor(c[1]), b[i] = LimitColor(c[2]);
           bad += counted.contains(e.x0 + i, y);
         }
   }

@@ -36,6 +36,7 @@ struct ColorPlanes
 QUELLKERNELS_EXPORT void CopyGuides(
   const ImageIn& depth, const ImageIn& normal, const ImageIn& id, const GuidePlanes& planes, int y0, int y1) noexcept;
 QUELLKERNELS_EXPORT void CopySlopes(const GuidePlanes& planes, int y0, int y1) noexcept;
+/// Colours are limited to [-1e35, 3.4e38], so that the difference of two is finite.
 /// Returns the number of pixels of `counted` with a colour that is not finite. A variance that is not a number is
 /// replaced by the mean of its neighbours' (0: none), +inf becomes 1e38, negative values 0. `variance` may be absent.
 QUELLKERNELS_EXPORT std::int64_t CopyColor(const ImageIn& color, const ImageIn& variance, const GuidePlanes& guides,

@@ -5,6 +5,11 @@
 
 namespace quell
 {
+namespace
+{
+constexpr float Off = 1e30f; // a threshold that nothing exceeds
+}
+
 ClampLedger FireflyClamp(const ImageIn& radiance, const ImageIn& count, const FireflyClampParameters& parameters,
   const ImageOut& filtered, const ImageOut& residual, const Rect& tile) noexcept
 {
@@ -21,7 +26,7 @@ ClampLedger FireflyClamp(const ImageIn& radiance, const ImageIn& count, const Fi
         threshold *= std::pow(Finite(n) && n > 1 ? double(n) : 1., double(parameters.growth));
       }
       const double size = MeasureOf(c, parameters.measure);
-      const bool clamp = size > threshold;
+      const bool clamp = size > threshold && parameters.threshold < Off;
       for (int k = 0; k < 3; ++k)
         f[k] = clamp ? SplitExactly(c[k], float(c[k] * (threshold / size)), r[k]) : c[k];
       if (good)

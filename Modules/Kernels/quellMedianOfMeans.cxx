@@ -102,7 +102,7 @@ ClampLedger MedianOfMeans(const ImageIn* buffers, int count, const MedianOfMeans
           m[k] = f[k] + r[k];
         }
         if (n == count)
-          Book(ledger, m, r, middle || trim > 0);
+          Book(ledger, m, r, r[0] != 0 || r[1] != 0 || r[2] != 0);
       }
       StoreColor(out.radiance, x, y, f);
       StoreColor(out.residual, x, y, r);

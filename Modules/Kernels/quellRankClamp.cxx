@@ -39,6 +39,7 @@ ClampLedger RankClamp(const ImageIn& radiance, const ImageIn& id, const RankClam
       *sizes.at(x, y) = size;
     }
   const float factor = float(p.factor);
+  const bool off = p.factor >= 1e30;
   ClampLedger ledger;
   for (int y = tile.y0; y < tile.y1; ++y)
     for (int x = tile.x0; x < tile.x1; ++x)
@@ -63,7 +64,7 @@ ClampLedger RankClamp(const ImageIn& radiance, const ImageIn& id, const RankClam
           }
       }
       const int rank = std::min(std::max(1, p.rank), taps);
-      const bool clamp = taps > 0 && passing < rank;
+      const bool clamp = taps > 0 && passing < rank && !off;
       double scale = 1;
       if (clamp)
       {

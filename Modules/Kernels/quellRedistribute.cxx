@@ -11,6 +11,7 @@ namespace quell
 namespace
 {
 constexpr double NoTerm = 1e30;
+constexpr double LargestTerm = 80; // exp of less is 0
 
 double Square(double v) noexcept
 {
@@ -40,8 +41,10 @@ public:
     const double wide = p.threshold > 0 ? length / p.threshold : 1e300;
     const double sigma = p.sigma * std::sqrt(std::max(1., wide));
     this->Hit = !in.depth || Finite(*in.depth.at(x, y));
-    this->Reach = this->Hit ? int(std::min(double(std::max(0, p.radius)), std::ceil(2.5 * sigma))) : 0;
-    this->PerSquare = sigma > 1e-17 ? 0.5 / (sigma * sigma) : 0; // sigma 0: the window is the pixel itself
+    // Narrower, the weight of the next pixel is 0 (Weight), and the window is the pixel itself.
+    const bool wider = 0.5 <= LargestTerm * sigma * sigma;
+    this->Reach = this->Hit && wider ? int(std::min(double(std::max(0, p.radius)), std::ceil(2.5 * sigma))) : 0;
+    this->PerSquare = wider ? 0.5 / (sigma * sigma) : 0;
   }
   int Reach = 0;
 
@@ -67,7 +70,7 @@ public:
         e += Term(
           Square(double(a[0]) - b[0]) + Square(double(a[1]) - b[1]) + Square(double(a[2]) - b[2]), this->P.sigmaNormal);
     }
-    return e <= 80 ? std::exp(-e) : 0;
+    return e <= LargestTerm ? std::exp(-e) : 0;
   }
 
 private:

@@ -11,6 +11,7 @@ function (quell status text)
   if (NOT "${result}" STREQUAL "${status}" OR at EQUAL -1)
     message(FATAL_ERROR "quell ${ARGN}\nexpected status ${status} and \"${text}\"\nstatus ${result}\n${said}")
   endif ()
+  set(said "${said}" PARENT_SCOPE)
 endfunction ()
 
 # expect(<what is wrong otherwise> condition...)

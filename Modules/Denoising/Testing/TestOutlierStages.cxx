@@ -14,6 +14,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -216,4 +217,51 @@ TEST(OutlierStages, TooManyBuffersAreRefused)
   means->Update();
   vtkObject::SetGlobalWarningDisplay(1);
   EXPECT_NE(means->GetErrorText().find("at most 64"), std::string::npos) << means->GetErrorText();
+}
+
+// Bands of a frame overlap, by the rows that filters read around them: every row is counted once, and what does not
+// continue the frame begins another.
+TEST(EnergyLedger, CountsEveryRowOfAFrameOnce)
+{
+  quell::EnergyLedger ledger;
+  const auto strips = [](const quell::Rect& rows, auto&& body)
+  {
+    for (int y = rows.y0; y < rows.y1; y += quell::EnergyLedger::RowsPerStrip)
+      body(quell::Rect{ 0, y, 1, std::min(y + quell::EnergyLedger::RowsPerStrip, rows.y1) });
+  };
+  std::vector<int> made(100, 0);
+  const auto run = [&](int y0, int y1, int tick)
+  {
+    const auto kernel = [&](const quell::Rect& tile)
+    {
+      quell::ClampLedger sum;
+      for (int y = tile.y0; y < tile.y1; ++y)
+      {
+        ++made[std::size_t(y)];
+        sum.Clamped += y % 3 == 0;
+        sum.EnergyIn += 7;
+        sum.EnergyRemoved += y % 3 == 0;
+      }
+      return sum;
+    };
+    return ledger.Run(quell::Rect{ 0, y0, 7, y1 }, tick, strips, kernel).Clamped;
+  };
+  // From the top down, 5 rows around each band.
+  EXPECT_EQ(run(55, 100, 1), 15);
+  EXPECT_EQ(run(25, 65, 1), 10); // 25 .. 54
+  EXPECT_EQ(run(0, 35, 1), 9);   // 0 .. 24
+  EXPECT_EQ(ledger.Text(), "clamped 34 of 700 pixels, removed 4.86 % of the energy");
+  EXPECT_EQ(made[60], 2); // but every row of a band is made
+  // From the bottom up.
+  EXPECT_EQ(run(0, 50, 2), 17);
+  EXPECT_EQ(run(40, 100, 2), 17);
+  EXPECT_EQ(ledger.Text(), "clamped 34 of 700 pixels, removed 4.86 % of the energy");
+  // The same frame once more, another part of it, another frame.
+  EXPECT_EQ(run(0, 100, 2), 34);
+  EXPECT_EQ(ledger.Text(), "clamped 34 of 700 pixels, removed 4.86 % of the energy");
+  EXPECT_EQ(run(30, 60, 2), 10);
+  EXPECT_EQ(run(80, 90, 2), 3);
+  EXPECT_EQ(ledger.Text(), "clamped 3 of 70 pixels, removed 4.29 % of the energy");
+  EXPECT_EQ(run(85, 100, 3), 5);
+  EXPECT_EQ(ledger.Text(), "clamped 5 of 105 pixels, removed 4.76 % of the energy");
 }

@@ -409,3 +409,20 @@ TEST(ATrous, HugeVarianceAndValuesStayFinite)
   for (float v : r.variance.data)
     ASSERT_TRUE(std::isfinite(v));
 }
+
+// The difference of two colours may exceed the largest float although both are below it.
+TEST(ATrous, OppositeExtremesStayFinite)
+{
+  for (const float a : { 2e38f, FLT_MAX })
+    for (const bool variance : { false, true })
+      for (const Rows row : { quell::ATrousRows, quell::ATrousRowsScalar })
+      {
+        Scene s = Flat(40, 40, 1.f);
+        s.color.fill(20, 20, a);
+        s.color.fill(21, 20, -a);
+        const Result r = Filter(s.color.extent, s, variance, true, true, 5, Same, row);
+        for (float v : r.color.data)
+          ASSERT_TRUE(std::isfinite(v)) << v;
+        EXPECT_NEAR(r.color.at(0, 0)[0], 1, 1e-5); // the taps that far away are no neighbours of 1
+      }
+}

@@ -60,6 +60,28 @@ TEST(EmissionSplit, LampsAreAreasAndFirefliesAreNot)
   EXPECT_TRUE(Split(room, none, room.extent).rest == room);
 }
 
+// Noise beside a lamp is none of the lamp: the edge is measured by the lamp, not by the threshold.
+TEST(EmissionSplit, NoiseBesideALampIsNoEdge)
+{
+  Image room = Room();
+  Random u(3);
+  int noisy = 0;
+  for (int y = 8; y < 17; ++y)
+    for (int x = 6; x < 16; ++x)
+      if (room.at(x, y)[1] < 1)
+      {
+        room.fill(x, y, .8f * u()); // .05 x 17 = .85
+        noisy += room.at(x, y)[1] > .05f * 4;
+      }
+  EXPECT_GT(noisy, 20);
+  const Split s(room, {}, room.extent);
+  for (int y = 8; y < 17; ++y)
+    for (int x = 6; x < 16; ++x)
+      ASSERT_EQ(*s.mask.at(x, y), x >= 8 && x < 14 && y >= 10 && y < 15 ? 1.f : 0.f) << x << " " << y;
+  room.fill(7, 11, .86f);
+  EXPECT_EQ(*Split(room, {}, room.extent).mask.at(7, 11), 1.f);
+}
+
 TEST(EmissionSplit, TheSumIsTheInput)
 {
   const Scene scene(40, 30); // its fireflies are dense enough to touch

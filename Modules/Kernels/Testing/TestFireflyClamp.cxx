@@ -44,6 +44,15 @@ TEST(FireflyClamp, KeepsHueAndLength)
   EXPECT_NEAR(Length(out.data.data()), 5, 1e-5);
 }
 
+TEST(FireflyClamp, LargestThresholdIsOff)
+{
+  Image in(One, 3), out(One, 3), rest(One, 3);
+  in.data = { FLT_MAX, 1e31f, 0 };
+  EXPECT_EQ(quell::FireflyClamp(in, {}, Clamp(1e30f), out, rest, One).Clamped, 0);
+  EXPECT_TRUE(out == in);
+  EXPECT_EQ(quell::FireflyClamp(in, {}, Clamp(9e29f), out, rest, One).Clamped, 1);
+}
+
 TEST(FireflyClamp, ThresholdItselfAndZero)
 {
   Image in(One, 3), out(One, 3), rest(One, 3);

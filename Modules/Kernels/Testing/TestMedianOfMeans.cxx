@@ -119,6 +119,7 @@ TEST(MedianOfMeans, LedgerAndAgreement)
   for (const auto estimator : { MeansEstimator::Median, MeansEstimator::Binary, MeansEstimator::Gini })
   {
     const Result r = Apply(std::vector<Image>(5, buffers[0]), estimator);
+    EXPECT_LE(r.ledger.Clamped, int(r.mean.data.size() / 1000)); // none but for the rounding of the mean
     for (size_t i = 0; i < r.mean.data.size(); ++i)
       ASSERT_NEAR(r.radiance.data[i], buffers[0].data[i], 1e-7 * std::fabs(buffers[0].data[i]));
   }

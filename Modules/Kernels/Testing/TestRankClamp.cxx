@@ -166,3 +166,13 @@ TEST(RankClamp, TilesMakeNoDifference)
   EXPECT_NEAR(removed, all, 1e-9 * all);
   EXPECT_GT(all, 0);
 }
+
+TEST(RankClamp, LargestFactorIsOff)
+{
+  Image in({ 0, 0, 9, 9 }, 3), out, rest;
+  in.fill(4, 4, 7); // between black ones
+  in.fill(1, 1, FLT_MAX);
+  EXPECT_EQ(Apply(in, {}, Parameters(1, 1, 1e30), out, rest).Clamped, 0);
+  EXPECT_TRUE(out == in);
+  EXPECT_EQ(Apply(in, {}, Parameters(1, 1, 9e29), out, rest).Clamped, 2);
+}

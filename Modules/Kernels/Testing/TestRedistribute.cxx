@@ -106,6 +106,24 @@ TEST(Redistribute, OneSourceIsAGaussianCutAtTheBorder)
     }
 }
 
+// A window narrower than a pixel is the pixel itself, however narrow.
+TEST(Redistribute, NarrowWindowsKeepTheirEnergy)
+{
+  const quell::Rect e{ 0, 0, 9, 9 };
+  Image left(e, 3), residual(e, 3);
+  residual.at(4, 4)[1] = 3;
+  quell::RedistributeInputs in;
+  in.radiance = left, in.residual = residual;
+  quell::RedistributeParameters p;
+  for (const double sigma : { 0., 1e-300, 1e-20, 1e-17, 1e-16, 1e-5, .07, .08 })
+  {
+    p.sigma = sigma;
+    const Image out = Apply(in, p);
+    EXPECT_EQ(out.at(4, 4)[1], 3.f) << sigma;
+    EXPECT_LT(out.at(5, 4)[1], 1e-30f) << sigma;
+  }
+}
+
 TEST(Redistribute, PeaksStayBelowAFourteenthOfTheThreshold)
 {
   const quell::Rect e{ 0, 0, 129, 129 };
