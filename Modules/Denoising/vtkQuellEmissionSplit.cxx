@@ -18,7 +18,8 @@ void vtkQuellEmissionSplit::Describe(quell::StageDescription& d)
     "the bright ones at most `Grow` columns and rows away. `emission` is the input in lamps and `radiance` elsewhere, "
     "else 0: their sum is the "
     "input to the last bit. Give `mask` to the filters that follow as a guide with distance `Id`. Nothing outside the "
-    "image is bright; a pixel that is not finite is none and becomes the mean of its finite neighbours in `radiance`.";
+    "image is bright; a pixel that is not finite becomes the mean of its finite neighbours, in `emission` if that is a "
+    "lamp's edge, else in `radiance`.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the beauty");
   d.Output("radiance", quell::ArrayKind::Color, "everything but lamps");
   d.Output("emission", quell::ArrayKind::Color, "lamps");

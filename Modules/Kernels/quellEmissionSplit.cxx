@@ -25,9 +25,8 @@ std::int64_t EmissionSplit(const ImageIn& radiance, const EmissionSplitParameter
         n += luminance(x + dx, y + dy) > p.threshold;
     return n >= p.neighbours;
   };
-  const auto lamp = [&](int x, int y)
+  const auto lamp = [&](int x, int y, float own)
   {
-    const float own = luminance(x, y);
     if (!(own > p.edgePart * p.threshold))
       return false;
     float brightest = 0;
@@ -47,7 +46,7 @@ std::int64_t EmissionSplit(const ImageIn& radiance, const EmissionSplitParameter
     {
       float c[3];
       bad += !ReadFilled(radiance, x, y, c);
-      const bool is = lamp(x, y);
+      const bool is = lamp(x, y, FilterLuminance(c[0], c[1], c[2])); // filled: a hole in a lamp is lamp
       for (int k = 0; k < 3; ++k)
       {
         if (emission)

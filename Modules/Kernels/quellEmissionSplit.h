@@ -26,8 +26,8 @@ struct EmissionSplitParameters
 ///   emission = radiance at lamps, else 0;   rest = radiance - emission;   mask = 1 at lamps, else 0
 ///
 /// emission + rest is the input, bit for bit; one of them is 0. Luminance is Rec. 709. Outside the frame nothing is
-/// bright; a pixel that is not finite is neither bright nor a lamp, and is filled from its neighbours in `rest`. The
-/// views cover the tile grown by 1 + grow (at least 1) as far as the frame goes. Returns the number of pixels of `tile`
+/// bright. A pixel that is not finite is not bright; it is filled from its neighbours, and is a lamp if that is bright
+/// enough for an edge. The views cover the tile grown by 1 + grow (at least 1) as far as the frame goes. Returns the number of pixels of `tile`
 /// that were not finite. Outputs may be absent. Limits: lamps of fewer than neighbours + 1 pixels, and those dimmer
 /// than the brightest surface, are not told apart; where there is an emission pass, use that.
 QUELLKERNELS_EXPORT std::int64_t EmissionSplit(const ImageIn& radiance, const EmissionSplitParameters& parameters,

@@ -1398,7 +1398,7 @@ private:
       {
         const Reference outer = this->InstanceInput(in, input);
         std::vector<Endpoint> more = this->Resolve(outer, depth + 1);
-        const bool delayed = this->IsDelayed(input, outer), optional = this->IsOptional(input, outer);
+        const bool delayed = this->IsDelayed(input, outer), optional = this->IsOptional(input.Optional, outer);
         for (Endpoint& e : more)
         {
           e.Delayed = e.Delayed || delayed;
@@ -1431,19 +1431,20 @@ private:
     return delayed;
   }
 
-  bool IsOptional(const PipelineInput& input, const Reference& r)
+  /// The same of optional="..."; `what`: "input" or "layer".
+  bool IsOptional(const PipelineText& text, const Reference& r, const std::string& what = "input")
   {
-    if (!input.Optional.Given)
+    if (!text.Given)
     {
       return false;
     }
-    const Value value = this->Expand(input.Optional, r.In->Parameters, r.About);
+    const Value value = this->Expand(text, r.In->Parameters, r.About);
     bool optional = false;
     std::string error;
     if (value.Ok && !detail::ParseBool(value.Text, optional, error))
     {
-      this->Error(input.Optional.Place, r.About, "optional = " + Quoted(value.Text) + " is neither 0 nor 1",
-        "optional=\"1\" leaves the input out where there is no such array");
+      this->Error(text.Place, r.About, "optional = " + Quoted(value.Text) + " is neither 0 nor 1",
+        "optional=\"1\" leaves the " + what + " out where there is no such array");
     }
     return optional;
   }
@@ -1539,7 +1540,7 @@ private:
         }
         connected.insert(input.Port.Value);
         const Reference r = this->InstanceInput(instance, input);
-        const bool optional = this->IsOptional(input, r);
+        const bool optional = this->IsOptional(input.Optional, r);
         for (Endpoint& e : this->Resolve(r, 0))
         {
           e.Optional = e.Optional || optional;
@@ -1620,7 +1621,7 @@ private:
         "a stage's first input (" + Quoted(port.Text) + " of " + node.Type + ") cannot be delayed",
         "it gives the frame its size; every other input may read the previous frame");
     }
-    bool optional = this->IsOptional(input, r);
+    bool optional = this->IsOptional(input.Optional, r);
     if (optional && index == 0)
     {
       this->Error(
@@ -1787,7 +1788,7 @@ private:
     }
     Reference r = end.Origin;
     r.About = who;
-    this->Ends.push_back({ reader, int(node.Inputs.size()), end, r, false });
+    this->Ends.push_back({ reader, int(node.Inputs.size()), end, r, end.Optional });
     this->AddEdge(reader, std::move(edge));
   }
 
@@ -1820,24 +1821,31 @@ private:
         SourceLocation Place;
       };
       std::vector<Layer> layers;
-      const auto add = [&](const PipelineText& from, const PipelineText* name, const SourceLocation& place)
+      const auto add = [&](const PipelineText& from, const PipelineText* name, const SourceLocation& place,
+                         const PipelineText& optional)
       {
         Reference r;
         r.From = &from;
         r.In = &top;
         r.About = who;
-        for (const Endpoint& e : this->Resolve(r, 0))
+        const bool mayLack = this->IsOptional(optional, r, "layer");
+        if (mayLack && layers.empty())
         {
+          this->Error(optional.Place, who, "the first layer cannot be optional", "it gives the file its size");
+        }
+        for (Endpoint e : this->Resolve(r, 0))
+        {
+          e.Optional = mayLack && !layers.empty();
           layers.push_back({ e, name, place });
         }
       };
       if (o.From.Given)
       {
-        add(o.From, nullptr, o.From.Place);
+        add(o.From, nullptr, o.From.Place, PipelineText());
       }
       for (const PipelineLayer& l : o.Layers)
       {
-        add(l.From, &l.Name, l.From.Place);
+        add(l.From, &l.Name, l.From.Place, l.Optional);
       }
       if (o.View.Given && layers.size() > 1)
       {
@@ -2295,7 +2303,8 @@ private:
       {
         const InputPort& port = node.Description().Inputs[std::size_t(edge.Port)];
         const std::string why = this->NodeTitle(p.End.Node) + " has no array " + Quoted(p.End.Array);
-        if (port.Optional)
+        // Of the layers of a file, the first is not optional.
+        if (port.Optional || edge.Connection > 0)
         {
           node.LeftOut.push_back("input " + Quoted(port.Name) + " left out: " + why);
           this->Lacking[p.End.Node].emplace_back(p.End.Array, p.Reader);

@@ -34,7 +34,7 @@ bool Same(const PipelinePort& a, const PipelinePort& b)
 }
 bool Same(const PipelineLayer& a, const PipelineLayer& b)
 {
-  return SameItem(a, b) && Same(a.From, b.From) && Same(a.Name, b.Name);
+  return SameItem(a, b) && Same(a.From, b.From) && Same(a.Name, b.Name) && Same(a.Optional, b.Optional);
 }
 bool Same(const PipelineInclude& a, const PipelineInclude& b)
 {

@@ -88,10 +88,10 @@ struct PipelineTemplate : PipelineItem
   std::vector<PipelineNode> Nodes;
 };
 
-/// <layer from= name=> of an output.
+/// <layer from= [name=] [optional=]> of an output.
 struct PipelineLayer : PipelineItem
 {
-  PipelineText From, Name;
+  PipelineText From, Name, Optional;
 };
 
 struct PipelineOutput : PipelineItem
@@ -198,6 +198,7 @@ void EachText(const PipelineDocument& d, const F& visit)
     {
       visit(l.From);
       visit(l.Name);
+      visit(l.Optional);
     }
   }
 }

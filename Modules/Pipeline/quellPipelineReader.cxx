@@ -55,7 +55,7 @@ const std::vector<ElementRule>& Rules()
     { "input", { "port", "from" }, { "delay", "optional" }, {}, true },
     { "port", { "name" }, { "type", "from", "doc" }, {} },
     { "output", { "name" }, { "from", "file", "view", "display", "doc" }, { "property", "layer" } },
-    { "layer", { "from" }, { "name" }, {} },
+    { "layer", { "from" }, { "name", "optional" }, {} },
   };
   return rules;
 }
@@ -477,6 +477,7 @@ private:
         TakeItem(c, layer);
         layer.From = this->Take(c, "from");
         layer.Name = this->Take(c, "name");
+        layer.Optional = this->Take(c, "optional");
         o.Layers.push_back(layer);
       }
       else if (c.Name == "property")

@@ -241,9 +241,9 @@ void WriteNodeTypes(Schema& s, const StageRegistry& registry, const std::string&
   s.Attribute("optional", false, "Flag");
   WriteInputAttributes(s, registry);
   s.EndType();
-  s.BeginType(inner + "InstanceInput", "Connects a port of the template to node:array" +
-                                         std::string(inner.empty() ? "" : ", or @port of this template") +
-                                         "; delay=1 reads the previous frame; optional=1 leaves out what the template connects to the port where the node "
+  s.BeginType(inner + "InstanceInput",
+    "Connects a port of the template to node:array" + std::string(inner.empty() ? "" : ", or @port of this template") +
+      "; delay=1 reads the previous frame; optional=1 leaves out what the template connects to the port where the node "
       "has no such array.");
   s.Attribute("port", true, "Name");
   s.Attribute("from", true, link);
@@ -350,9 +350,11 @@ std::string PipelineXsd(const StageRegistry& registry)
   s.Attribute("display", false);
   s.Attribute("doc", false);
   s.EndType();
-  s.BeginType("Layer", "One more layer of the output's file.");
+  s.BeginType(
+    "Layer", "One more layer of the output's file; optional=1 leaves it out where the node has no such array.");
   s.Attribute("from", true, "LinkText");
   s.Attribute("name", false);
+  s.Attribute("optional", false, "Flag");
   s.EndType();
   s.Line(0, "</xs:schema>");
   return s.Out;

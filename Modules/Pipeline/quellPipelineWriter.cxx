@@ -207,6 +207,7 @@ std::string WritePipelineText(const PipelineDocument& d)
       w.Open("layer", l);
       w.Attribute("from", l.From);
       w.Attribute("name", l.Name);
+      w.Attribute("optional", l.Optional);
       w.Close("layer", l);
     }
     w.Close("output", o);

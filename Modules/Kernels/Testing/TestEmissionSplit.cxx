@@ -106,7 +106,8 @@ TEST(EmissionSplit, NonFinitePixelsAndTiles)
   room.fill(20, 3, Inf);
   const Split s(room, {}, room.extent);
   EXPECT_EQ(s.bad, 2);
-  EXPECT_EQ(*s.mask.at(10, 12), 0.f);
+  EXPECT_EQ(*s.mask.at(10, 12), 1.f); // a hole in the lamp is lamp
+  EXPECT_EQ(s.emission.at(10, 12)[1], 17.f);
   EXPECT_EQ(s.rest.at(20, 3)[0], 0.1f);
   for (const Image* image : { &s.emission, &s.rest, &s.mask })
     for (const float v : image->data)
