@@ -1419,7 +1419,7 @@ void Viewer::TimelineBar()
   this->Tooltip(this->Looping ? "Playing begins anew at the end" : "Playing stops at the end");
   ImGui::EndDisabled();
   ImGui::SameLine(0, this->S(12));
-  ImGui::SetNextItemWidth(std::max(this->S(80), ImGui::GetContentRegionAvail().x - this->S(230)));
+  ImGui::SetNextItemWidth(std::max(this->S(80), ImGui::GetContentRegionAvail().x - this->S(this->Camera ? 270 : 230)));
   ImGui::BeginDisabled(!many);
   int tick = this->Tick;
   if (!many)
@@ -1440,16 +1440,15 @@ void Viewer::TimelineBar()
   if (this->Camera)
   {
     ImGui::AlignTextToFramePadding();
-    ImGui::TextColored(Colors::Accent, "live camera%s",
-      this->LastGood && this->LastGood->LiveTicks > 0
-        ? (", " + std::to_string(this->LastGood->LiveTicks) + " frames").c_str()
-        : "");
+    const int frames = this->LastGood ? this->LastGood->LiveTicks : 0;
+    ImGui::TextColored(Colors::Accent, frames == 1 ? "live camera, 1 frame" : "live camera, %d frames", frames);
     ImGui::SameLine();
-    if (ImGui::SmallButton("back to the scene's"))
+    if (ImGui::SmallButton("home"))
     {
       this->Camera.reset();
     }
     this->Mark("time/home");
+    this->Tooltip("Back to the scene's camera (H)");
   }
   else
   {

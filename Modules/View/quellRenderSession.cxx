@@ -112,7 +112,7 @@ struct RenderSession::Internals
   mutable std::condition_variable Changed;
   bool Quit = false, Stopped = false;
   ViewWish Wanted;
-  std::uint64_t Serial = 0, DoneSerial = 0;
+  std::uint64_t Serial = 0, DoneSerial = 0, Serving = 0;
   std::shared_ptr<const ViewFrame> Frame;
   std::shared_ptr<const ViewCheck> Check;
   std::string WeighNode;
@@ -120,7 +120,6 @@ struct RenderSession::Internals
   std::shared_ptr<const ViewWeights> Weighed;
   ViewProgress State;
   Clock::time_point Began;
-  double LastSeconds = 0;
   std::function<void()> Notify;
   std::thread Thread;
 
@@ -505,10 +504,6 @@ struct RenderSession::Internals
   {
     {
       std::lock_guard<std::mutex> lock(this->Mutex);
-      if (frame->Ok)
-      {
-        this->LastSeconds = frame->Seconds;
-      }
       this->Frame = std::move(frame);
     }
     this->Wake();
@@ -812,7 +807,7 @@ struct RenderSession::Internals
           continue;
         }
         wish = this->Wanted;
-        serial = this->Serial;
+        serial = this->Serving = this->Serial;
         this->Token->Reset();
         this->State.Busy = true;
         this->Began = Clock::now();
@@ -868,8 +863,9 @@ std::uint64_t RenderSession::Wish(const ViewWish& wish)
     in.Wanted = wish;
     in.Stopped = false;
     serial = ++in.Serial;
-    // A short frame may end, so that a slider that is dragged shows something on the way.
-    if (in.State.Busy && (wish.Hurry || in.LastSeconds > 0.4 || in.LastSeconds <= 0))
+    // What a hand drags (a slider, the camera) may only give up a frame that has shown something already: else a stream
+    // of wishes would keep every frame from its end.
+    if (in.State.Busy && (wish.Hurry || (in.Frame && in.Frame->Serial == in.Serving)))
     {
       in.Token->Cancel();
     }

@@ -49,7 +49,7 @@ struct ViewWish
   double PlayRate = 0;     ///< frames a second at most; 0: as fast as it goes
   bool Progressive = true; ///< frames of many samples are shown on the way; the last one has the bits of one go
   bool Refine = false;     ///< go on beyond the pipeline's samples while nothing else is to be done
-  bool Hurry = true;       ///< what runs is given up for this; else a short frame may end first
+  bool Hurry = true;       ///< what runs is given up for this; else it may show something first
   bool Paused = false;
   /// Live camera, world from camera; a frame per change, time stands still, the history goes on. Empty: the scene's.
   std::optional<Mat4> Camera;

@@ -13,11 +13,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <set>
 #include <thread>
 
 namespace fs = std::filesystem;
@@ -489,4 +491,35 @@ TEST(RenderSession, ATemplateMadeOfASelectionHasTheSameBits)
   std::string error;
   ASSERT_NE(d.MakeTemplate({ "demodulate", "blur", "modulate" }, "soft", nullptr, error), "") << error;
   EXPECT_TRUE(SameBits(before, Expected(d.Get(), Small(2), 1, { "sum", "radiance" })));
+}
+
+// A hand that moves faster than frames are made must not keep them from their end.
+TEST(RenderSession, AStreamOfWishesStillShowsFrames)
+{
+  Fixture f;
+  f.Wish.Document = Read("quick.xml");
+  f.Wish.Options = Small(1);
+  f.Wish.Options.Defines.emplace_back("spp", "400");
+  f.Wish.Targets = { { "sum", "radiance" } };
+  f.Wish.Hurry = false;
+  Mat4 camera;
+  camera.m[2][3] = 3;
+  std::set<std::uint64_t> shown;
+  int serial = 0;
+  for (int i = 0; i < 100000 && shown.size() < 3; ++i)
+  {
+    // A new pose long before a frame can be done.
+    camera.m[0][3] = 1e-4 * ++serial;
+    f.Wish.Camera = camera;
+    f.Wish.CameraSerial = serial;
+    f.Session.Wish(f.Wish);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    if (const auto frame = f.Session.Latest())
+    {
+      ASSERT_TRUE(frame->Ok) << frame->Error;
+      shown.insert(frame->Number);
+    }
+  }
+  EXPECT_EQ(shown.size(), 3u);
+  f.Session.Cancel();
 }
