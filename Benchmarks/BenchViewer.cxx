@@ -1,5 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellBench.h"
+#ifdef QUELL_BENCH_WINDOW
+#include "quellLoop.h"
+#include "quellScript.h"
+#include "quellViewer.h"
+#include "quellWindow.h"
+#endif
 #include "quellPipelineExecutor.h"
 #include "quellPresenter.h"
 #include "quellRegisterColor.h"
@@ -15,6 +21,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <stdexcept>
 
@@ -176,3 +184,64 @@ QUELL_BENCHMARK("svgf-live-640x360",
   const double worst = *std::max_element(waits.begin(), waits.end());
   bench.Report("cancel of a frame, worst of 7", worst, "ms", "limit 100 ms", worst / 100);
 }
+
+#ifdef QUELL_BENCH_WINDOW
+QUELL_BENCHMARK("svgf-window-640x360",
+  "the same in the window, 1440 x 900, that a display shows (xvfb-run -a): frames a second while the mouse orbits, "
+  "processor time of all of it")
+{
+  if (!std::getenv("DISPLAY"))
+  {
+    std::puts("svgf-window-640x360: left out, there is no display; run it under xvfb-run -a");
+    return;
+  }
+  Window::Options w;
+  w.Scale = 1;
+  Window window(w);
+  Viewer::Options options;
+  options.Graph = Room();
+  Viewer viewer(window, Stages(), options);
+  viewer.Open(QUELL_SOURCE_DIR "/Data/Pipelines/svgf.xml");
+  Script none;
+  ScriptRunner hand(window, viewer, none);
+  hand.Settle();
+  std::string error;
+  if (!hand.Do("move image@0.3,0.5", error) || !hand.Do("key c", error) || !hand.Do("press left", error))
+  {
+    throw std::runtime_error(error);
+  }
+  const ImVec4 image = viewer.GetMarks().at("image");
+  const Clock::time_point start = Clock::now();
+  Clock::time_point moved = start;
+  std::clock_t cpu = 0;
+  int from = -1, last = 0, moves = 0;
+  Clock::time_point counted = start;
+  RunWindow(window, viewer,
+    [&]
+    {
+      // A mouse that reports 60 times a second.
+      if (Since(moved) > 1. / 60)
+      {
+        WindowEvent e;
+        e.X = double(image.x) + 0.3 * double(image.z - image.x) + 0.3 * ++moves;
+        e.Y = double(image.y + image.w) / 2;
+        window.Send(e);
+        moved = Clock::now();
+      }
+      const auto frame = viewer.Frame();
+      const int live = frame ? frame->LiveTicks : 0;
+      if (from < 0 && live >= 5)
+      {
+        from = live;
+        counted = Clock::now();
+        cpu = std::clock();
+      }
+      last = live;
+      return Since(start) < 60 && !(from >= 0 && (live >= from + 30 || Since(counted) > 10));
+    });
+  const double seconds = Since(counted), frames = std::max(1, last - from);
+  const double each = double(std::clock() - cpu) / CLOCKS_PER_SEC / frames;
+  bench.Report("svgf-window-640x360 orbit", frames / seconds, "frames/s", "limit 5", frames / seconds / 5);
+  bench.Report("svgf-window-640x360 orbit, processor time", 1000 * each, "ms", "two cores at 5 frames/s", each / 0.4);
+}
+#endif

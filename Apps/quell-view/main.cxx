@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // quell-view [FILE] [--frame N] [--screenshot OUT.png]: the window, its loop, and ways to drive it without hands.
+#include "quellLoop.h"
 #include "quellRegisterColor.h"
 #include "quellRegisterDenoising.h"
 #include "quellRegisterImageIO.h"
@@ -11,11 +12,9 @@
 
 #include <CLI/CLI.hpp>
 
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <thread>
 
 namespace
 {
@@ -117,6 +116,7 @@ int Run(int argc, char** argv)
   remembered.Load(options.SettingsFile);
   Window::Options w;
   w.OffScreen = driven;
+  w.SharesClipboard = !driven;
   w.Width = size.empty() ? int(remembered.Number("window.width", 1440, 400, 8192)) : size[0];
   w.Height = size.empty() ? int(remembered.Number("window.height", 900, 300, 8192)) : size[1];
   w.Scale = driven && !(scale > 0) ? 1 : scale;
@@ -151,8 +151,6 @@ int Run(int argc, char** argv)
   {
     viewer.ShowTab(tab);
   }
-  const auto ui = [&viewer] { viewer.Ui(); };
-
   if (driven)
   {
     ScriptRunner runner(window, viewer, script);
@@ -180,28 +178,7 @@ int Run(int argc, char** argv)
     return 0;
   }
 
-  // A frame when something happens or is at work; otherwise the program sleeps.
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point awake = Clock::now();
-  while (true)
-  {
-    const Clock::time_point start = Clock::now();
-    if (window.Poll() || viewer.NeedsFrame())
-    {
-      awake = start;
-    }
-    // A little longer than the last event: tooltips, the caret, hover.
-    if (start - awake < std::chrono::milliseconds(1200) || window.HasEvents() || window.IsClosing())
-    {
-      if (!window.Frame(ui))
-      {
-        break;
-      }
-    }
-    std::this_thread::sleep_until(
-      start + (start - awake < std::chrono::milliseconds(1200) ? std::chrono::milliseconds(16)
-                                                               : std::chrono::milliseconds(30)));
-  }
+  RunWindow(window, viewer);
   return 0;
 }
 }

@@ -99,6 +99,7 @@ Viewer::~Viewer()
   this->TextureA.Release();
   this->TextureB.Release();
   this->TextureMap.Release();
+  this->TextureWeights.Release();
 }
 
 // ---- documents ------------------------------------------------------------------------------------------------------
@@ -131,6 +132,15 @@ void Viewer::New()
   this->Shown.reset();
   this->LastGood.reset();
   this->Camera.reset();
+  this->SetB.reset();
+  this->ShownB.reset();
+  this->GoodB.reset();
+  this->SessionB.reset();
+  if (this->BFrom == SourceB::Parameters)
+  {
+    this->BFrom = SourceB::Reference;
+    this->Compared = CompareMode::Off;
+  }
   this->Points.Clear();
   this->Ledger.reset();
   this->OpenErrors.clear();
@@ -229,6 +239,11 @@ bool Viewer::Open(const std::string& file)
   this->New();
   this->Given.Graph = options;
   this->Doc = std::move(opened);
+  if (this->Doc.Nodes("").empty() && !this->Doc.Get()->Templates.empty())
+  {
+    this->EnterScope(this->Doc.Get()->Templates.front().Name.Value); // a library
+    this->WantedTab = "Pipeline";
+  }
   this->Remembered.AddRecent(file);
   this->Remembered.Save();
   return true;
@@ -503,6 +518,52 @@ void Viewer::UpdateWish()
   w.Hurry = this->HurryNext;
   this->WishSerial = this->Session->Wish(w);
   this->HurryNext = true;
+  if (this->SetB && this->Compared != CompareMode::Off && this->BFrom == SourceB::Parameters)
+  {
+    if (!this->SessionB)
+    {
+      this->SessionB.reset(new RenderSession(this->Registry));
+    }
+    w.Document = this->SetB;
+    w.Targets.resize(1);
+    w.Targets[0] = ResolveTarget(*w.Document, this->A);
+    w.AllArrays = false;
+    // A plays; B follows frame by frame.
+    w.Play = false;
+    this->SessionB->Wish(w);
+  }
+}
+
+void Viewer::PutParametersAside()
+{
+  if (!this->Doc.Nodes("").empty())
+  {
+    this->SetB = this->Doc.Get();
+    this->GoodB = this->LastGood; // that is what it looks like until it ran itself
+    this->BFrom = SourceB::Parameters;
+    this->Compared = this->Compared == CompareMode::Off ? CompareMode::Wipe : this->Compared;
+    this->Tell("these parameters are set B; change some, and compare");
+  }
+}
+
+void Viewer::SwapParameters()
+{
+  if (this->SetB)
+  {
+    const std::shared_ptr<const PipelineDocument> now = this->Doc.Get();
+    this->Doc.Replace("swap the parameter sets", this->SetB);
+    this->SetB = now;
+    this->BFrom = SourceB::Parameters;
+  }
+}
+
+std::string Viewer::NameOfSetB() const
+{
+  if (!this->SetB || this->SetB == this->Doc.Get() || *this->SetB == *this->Doc.Get())
+  {
+    return "set B, the same as A";
+  }
+  return "set B: " + ChangeText(*this->Doc.Get(), *this->SetB);
 }
 
 void Viewer::TakeResults()
@@ -542,6 +603,17 @@ void Viewer::TakeResults()
   {
     this->Playing = false;
   }
+  if (this->SessionB)
+  {
+    const std::shared_ptr<const ViewFrame> other = this->SessionB->Latest();
+    if (other && other != this->ShownB)
+    {
+      this->ShownB = other;
+      this->GoodB = other->Ok ? other : this->GoodB;
+    }
+  }
+  this->WeighPinned();
+  this->Weighed = this->Session->Weights();
   PresentWish p;
   if (this->LastGood)
   {
@@ -592,21 +664,26 @@ bool Viewer::IsIdle() const
   {
     return true;
   }
-  return this->Session->Idle() && this->Session->Latest() == this->Shown && this->Present->Idle() &&
-         this->Present->Latest() == this->Presented &&
+  return this->Session->Idle() && this->Session->Latest() == this->Shown && this->Session->Weights() == this->Weighed &&
+         this->Present->Idle() && this->Present->Latest() == this->Presented &&
          (!this->Presented || this->Presented->Serial == this->PresentSerial) &&
+         (!this->SessionB || (this->SessionB->Idle() && this->SessionB->Latest() == this->ShownB)) &&
          (!this->Ledger || this->Ledger->Finished());
 }
 
-bool Viewer::NeedsFrame()
+bool Viewer::HasNews() const
 {
-  if (this->Doc.Get()->Nodes.empty())
-  {
-    return false;
-  }
-  return this->Session->Latest() != this->Shown || this->Present->Latest() != this->Presented ||
-         this->Session->Checked() != this->Checked || !this->Session->Idle() || !this->Present->Idle() ||
-         (this->Ledger && !this->Ledger->Finished());
+  return !this->Doc.Get()->Nodes.empty() &&
+         (this->Session->Latest() != this->Shown || this->Present->Latest() != this->Presented ||
+           this->Session->Checked() != this->Checked || this->Session->Weights() != this->Weighed ||
+           (this->SessionB && this->SessionB->Latest() != this->ShownB));
+}
+
+bool Viewer::IsWorking() const
+{
+  return !this->Doc.Get()->Nodes.empty() &&
+         (!this->Session->Idle() || !this->Present->Idle() || (this->SessionB && !this->SessionB->Idle()) ||
+           (this->Ledger && !this->Ledger->Finished()));
 }
 
 std::string Viewer::ErrorText() const
@@ -707,6 +784,10 @@ void Viewer::Shortcuts()
     {
       this->Playing = false;
       this->Session->Cancel();
+      if (this->SessionB)
+      {
+        this->SessionB->Cancel();
+      }
       this->Paused = false;
       this->Tell("stopped; change something or press R to go on");
     }
@@ -863,6 +944,18 @@ void Viewer::Shortcuts()
       this->FlipShowsB = !this->FlipShowsB;
     }
   }
+  if (w.Pressed("p"))
+  {
+    this->PutParametersAside();
+  }
+  if (w.Pressed("p", false, true))
+  {
+    this->SwapParameters();
+  }
+  if (w.Pressed("g", true))
+  {
+    this->AskForTemplate();
+  }
   if (w.Pressed("k") && this->LastGood)
   {
     this->Kept = this->PictureOf(this->A);
@@ -1010,6 +1103,20 @@ void Viewer::MenuBar()
     if (ImGui::MenuItem("Rename", "F2", false, this->Selected.size() == 1))
     {
       this->BeginRename(*this->Selected.begin());
+    }
+    if (ImGui::MenuItem("Make a template\u2026", "Ctrl+G", false, some && this->Scope.empty()))
+    {
+      this->AskForTemplate();
+    }
+    this->Mark("menu/make-template");
+    ImGui::Separator();
+    if (ImGui::MenuItem("Put the parameters aside as set B", "P", false, !this->Doc.Nodes("").empty()))
+    {
+      this->PutParametersAside();
+    }
+    if (ImGui::MenuItem("Swap set A and set B", "Shift+P", false, this->SetB != nullptr))
+    {
+      this->SwapParameters();
     }
     ImGui::Separator();
     if (ImGui::MenuItem("Arrange the graph", "L"))
@@ -1312,7 +1419,7 @@ void Viewer::TimelineBar()
   this->Tooltip(this->Looping ? "Playing begins anew at the end" : "Playing stops at the end");
   ImGui::EndDisabled();
   ImGui::SameLine(0, this->S(12));
-  ImGui::SetNextItemWidth(std::max(this->S(80), ImGui::GetContentRegionAvail().x - this->S(230)));
+  ImGui::SetNextItemWidth(std::max(this->S(80), ImGui::GetContentRegionAvail().x - this->S(this->Camera ? 270 : 230)));
   ImGui::BeginDisabled(!many);
   int tick = this->Tick;
   if (!many)
@@ -1333,16 +1440,15 @@ void Viewer::TimelineBar()
   if (this->Camera)
   {
     ImGui::AlignTextToFramePadding();
-    ImGui::TextColored(Colors::Accent, "live camera%s",
-      this->LastGood && this->LastGood->LiveTicks > 0
-        ? (", " + std::to_string(this->LastGood->LiveTicks) + " frames").c_str()
-        : "");
+    const int frames = this->LastGood ? this->LastGood->LiveTicks : 0;
+    ImGui::TextColored(Colors::Accent, frames == 1 ? "live camera, 1 frame" : "live camera, %d frames", frames);
     ImGui::SameLine();
-    if (ImGui::SmallButton("back to the scene's"))
+    if (ImGui::SmallButton("home"))
     {
       this->Camera.reset();
     }
     this->Mark("time/home");
+    this->Tooltip("Back to the scene's camera (H)");
   }
   else
   {
@@ -1462,7 +1568,84 @@ void Viewer::Dialogs()
     }
     ImGui::EndPopup();
   }
+  if (this->AskTemplateName)
+  {
+    ImGui::OpenPopup("Make a template");
+    this->AskTemplateName = false;
+  }
+  ImGui::SetNextWindowPos(ImGui::GetMainViewport()->GetCenter(), ImGuiCond_Always, ImVec2(0.5f, 0.5f));
+  if (ImGui::BeginPopupModal("Make a template", nullptr, ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove))
+  {
+    ImGui::TextColored(Colors::Dim,
+      this->Selected.size() == 1 ? "The selected node becomes a template with an instance in its place."
+                                 : "The %d selected nodes become a template with an instance in their place.",
+      int(this->Selected.size()));
+    if (this->TemplateNameFocus)
+    {
+      ImGui::SetKeyboardFocusHere();
+      this->TemplateNameFocus = false;
+    }
+    ImGui::SetNextItemWidth(this->S(260));
+    bool make = ImGui::InputText(
+      "name", &this->TemplateName, ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll);
+    this->Mark("template/name");
+    if (!this->TemplateNameError.empty())
+    {
+      ImGui::PushTextWrapPos(this->S(420));
+      ImGui::TextColored(Colors::Error, "%s", this->TemplateNameError.c_str());
+      ImGui::PopTextWrapPos();
+    }
+    ImGui::Dummy(ImVec2(0, this->S(6)));
+    make = this->Button("Make it", "template/make", nullptr, !this->TemplateName.empty()) || make;
+    ImGui::SameLine();
+    const bool close = this->Button("Cancel", "template/cancel") || this->Win.Pressed("Escape");
+    if (make)
+    {
+      const GraphModel& model = this->Model;
+      const auto typeOf = [&model](const std::string& from) -> std::string
+      {
+        std::string array;
+        const int box = model.Find(TopOf(NodeOfReference(from, &array)));
+        if (box < 0 || model.Boxes[std::size_t(box)].Outputs.empty())
+        {
+          return {};
+        }
+        const GraphBox& b = model.Boxes[std::size_t(box)];
+        const int pin = array.empty() ? 0 : b.FindOutput(array);
+        const ArrayKind kind = pin < 0 ? ArrayKind::Any : b.Outputs[std::size_t(pin)].Kind;
+        return kind == ArrayKind::Any ? std::string() : KindName(kind);
+      };
+      this->TemplateNameError.clear();
+      const std::string made =
+        this->Doc.MakeTemplate(std::vector<std::string>(this->Selected.begin(), this->Selected.end()),
+          this->TemplateName, typeOf, this->TemplateNameError);
+      if (!made.empty())
+      {
+        if (this->Selected.count(this->A.Node))
+        {
+          this->A = { made, "" };
+        }
+        this->Selected = { made };
+        this->Tell("template " + this->Doc.FindNode("", made)->Type.Value + "; a double click opens it");
+        ImGui::CloseCurrentPopup();
+      }
+    }
+    else if (close)
+    {
+      ImGui::CloseCurrentPopup();
+    }
+    ImGui::EndPopup();
+  }
   this->FileDialog();
+}
+
+void Viewer::AskForTemplate()
+{
+  if (this->Scope.empty() && !this->Selected.empty())
+  {
+    this->AskTemplateName = this->TemplateNameFocus = true;
+    this->TemplateNameError.clear();
+  }
 }
 
 void Viewer::FileDialog()

@@ -36,7 +36,25 @@ enum class SourceB
 {
   Node,
   Reference,
-  Kept ///< a picture put aside
+  Kept,      ///< a picture put aside
+  Parameters ///< the same node of another parameter set
+};
+
+/// A pixel's weights as they are drawn.
+struct WeightsSummary
+{
+  Rect Window;
+  std::vector<double> Values; ///< of all parts together, row by row from the bottom
+  double Most = 0, Sum = 0, Squares = 0;
+  bool Negative = false;
+  int LargestX = 0, LargestY = 0; ///< from the pixel
+  std::size_t Needed = 0;         ///< pixels that hold 99 % of the weight
+  int Reach = 2;                  ///< how far those are from the pixel
+  double At(int x, int y) const
+  {
+    return this
+      ->Values[std::size_t(y - this->Window.y0) * std::size_t(this->Window.width()) + std::size_t(x - this->Window.x0)];
+  }
 };
 
 /// The viewer: a document being edited, the session that runs it, and the panels. Draws with Dear ImGui; one object
@@ -65,12 +83,17 @@ public:
   /// The picture and its data are those of the newest wish.
   std::shared_ptr<const ViewFrame> Frame() const { return this->Shown; }
   std::shared_ptr<const Presentation> Pictures() const { return this->Presented; }
+  /// Of the pixel in panel Pixel; null: none yet.
+  std::shared_ptr<const ViewWeights> Weights() const { return this->Weighed; }
   const Marks& GetMarks() const { return this->LastMarks; }
   EditDocument& Document() { return this->Doc; }
   const ViewTarget& Target() const { return this->A; }
   /// Why there is nothing to see; empty: there is.
   std::string ErrorText() const;
-  bool NeedsFrame();
+  /// There is something to show that the last frame did not have.
+  bool HasNews() const;
+  /// Something is at work whose progress is shown.
+  bool IsWorking() const;
   void ShowTab(const std::string& tab) { this->WantedTab = tab; }
 
   static std::string DataDirectory();
@@ -110,16 +133,25 @@ private:
   void DrawImage(const ImVec2& min, const ImVec2& max);
   void Legend(const DisplayImage& image, const ImVec2& at, const std::string& title);
   void Inspector();
+  void SummarizeWeights();
+  void WeightsMap(float side);
+  void WeightsPanel(const std::vector<std::string>& filters, int x, int y);
+  void WeighPinned();
   void ComparePanel();
   void HistogramPlot();
   void CameraGesture(const ImVec2& min, const ImVec2& max, bool hovered);
   Picture PictureOf(const ViewTarget& target) const;
+  Picture PictureIn(const std::shared_ptr<const ViewFrame>& frame, const ViewTarget& target) const;
+  void PutParametersAside();
+  void SwapParameters();
+  std::string NameOfSetB() const;
   Picture PictureB() const;
 
   // quellViewerPanels.cxx
   void RightPanel(const ImVec2& min, const ImVec2& max);
   void PropertiesTab();
   void MistakesOf(const std::string& box);
+  void TemplatePanel();
   void PropertyRow(const std::string& scope, const std::string& box, const Property& row, const std::string& nowText);
   void PipelineTab();
   void TradeTab();
@@ -151,6 +183,7 @@ private:
   void DuplicateSelection();
   void EnterScope(const std::string& scope);
   void BeginRename(const std::string& box);
+  void AskForTemplate();
 
   Window& Win;
   const StageRegistry& Registry;
@@ -174,6 +207,10 @@ private:
   Picture Reference, Kept;
   std::string ReferenceFile, KeptName, ReferenceError;
   int KeptTick = 0;
+  /// Parameter set B and what runs it: while the two are compared, both run the same frame, or follow the same camera.
+  std::shared_ptr<const PipelineDocument> SetB;
+  std::unique_ptr<RenderSession> SessionB;
+  std::shared_ptr<const ViewFrame> ShownB, GoodB;
   int Tick = 0;
   bool Playing = false, Looping = true, Paused = false;
   bool Refine = false;
@@ -197,6 +234,12 @@ private:
   int PixelX = 0, PixelY = 0; ///< from the top left
   bool CameraMode = false, WantAllArrays = false;
   bool DraggingWipe = false;
+  std::string WeighNode; ///< chosen; empty: the nearest filter
+  bool WantWeights = false;
+  std::shared_ptr<const ViewWeights> Weighed;
+  Texture TextureWeights;
+  std::shared_ptr<const ViewWeights> WeightsOf; ///< what the summary and the texture are of
+  WeightsSummary WeightsSum;
 
   // graph
   std::string Scope;
@@ -263,6 +306,9 @@ private:
   std::string DialogPurpose, DialogTitle, DialogDirectory, DialogName, DialogExtensions;
   bool DialogOpen = false, DialogFocus = false;
   bool EditingDoc = false;
+  bool AskTemplateName = false, TemplateNameFocus = false;
+  std::string TemplateName = "group", TemplateNameError;
+  std::string NewPortName, NewPortType = "color";
   std::string NewVariableType = "int", NewVariableName, PropertyError, PropertyErrorOf;
   std::map<std::string, std::string> EditTexts;
   Marks ThisMarks, LastMarks;

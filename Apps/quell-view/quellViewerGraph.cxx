@@ -348,6 +348,13 @@ void Viewer::DeleteSelection(bool reconnect)
 {
   if (!this->Selected.empty())
   {
+    for (const std::string& box : std::set<std::string>(this->Selected))
+    {
+      if (box.compare(0, 5, "port:") == 0)
+      {
+        this->Doc.RemoveTemplatePort(this->Scope, box.substr(5));
+      }
+    }
     this->Doc.Remove(this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), reconnect);
     this->Selected.clear();
   }
@@ -1706,6 +1713,11 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     {
       this->CopySelection(false);
     }
+    if (ImGui::MenuItem("Make a template\u2026", "Ctrl+G", false, this->Scope.empty()))
+    {
+      this->AskForTemplate();
+    }
+    this->Mark("menu/template");
     ImGui::Separator();
     if (ImGui::MenuItem("Delete", "Del", false, editable))
     {

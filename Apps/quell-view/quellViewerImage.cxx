@@ -11,6 +11,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <set>
 
 namespace quell
 {
@@ -51,21 +53,26 @@ std::string ValueText(float v)
 
 Picture Viewer::PictureOf(const ViewTarget& target) const
 {
+  return this->PictureIn(this->LastGood, target);
+}
+
+Picture Viewer::PictureIn(const std::shared_ptr<const ViewFrame>& frame, const ViewTarget& target) const
+{
   Picture p;
-  if (!this->LastGood || target.Node.empty())
+  if (!frame || target.Node.empty())
   {
     return p;
   }
-  const ViewTarget real = ResolveTarget(*this->LastGood->Document, target);
-  const auto image = this->LastGood->Images.find(real.Node);
-  if (image == this->LastGood->Images.end())
+  const ViewTarget real = ResolveTarget(*frame->Document, target);
+  const auto image = frame->Images.find(real.Node);
+  if (image == frame->Images.end())
   {
     return p;
   }
   p.Image = image->second;
   p.Array = real.Array;
-  const auto known = this->LastGood->Arrays.find(real.Node);
-  if (p.Array.empty() && known != this->LastGood->Arrays.end() && !known->second.empty())
+  const auto known = frame->Arrays.find(real.Node);
+  if (p.Array.empty() && known != frame->Arrays.end() && !known->second.empty())
   {
     p.Array = known->second.front().Name;
   }
@@ -75,7 +82,7 @@ Picture Viewer::PictureOf(const ViewTarget& target) const
     return Picture();
   }
   p.Kind = KindOf(p.Array, view.components);
-  if (known != this->LastGood->Arrays.end())
+  if (known != frame->Arrays.end())
   {
     for (const OutputArray& a : known->second)
     {
@@ -96,6 +103,8 @@ Picture Viewer::PictureB() const
       return this->PictureOf(this->B);
     case SourceB::Kept:
       return this->Kept;
+    case SourceB::Parameters:
+      return this->PictureIn(this->GoodB, this->A);
     default:
       break;
   }
@@ -288,9 +297,10 @@ void Viewer::ImageToolbar()
     const std::string bText =
       this->BFrom == SourceB::Node
         ? (this->B.Node.empty() ? "choose B" : this->B.Node + (this->B.Array.empty() ? "" : ":" + this->B.Array))
-      : this->BFrom == SourceB::Kept ? (this->Kept ? "kept: " + this->KeptName : "nothing is kept")
-      : this->Reference              ? "reference"
-                                     : "choose B";
+      : this->BFrom == SourceB::Kept       ? (this->Kept ? "kept: " + this->KeptName : "nothing is kept")
+      : this->BFrom == SourceB::Parameters ? "parameter set B"
+      : this->Reference                    ? "reference"
+                                           : "choose B";
     if (ImGui::BeginCombo("##b", bText.c_str(), ImGuiComboFlags_HeightLarge))
     {
       if (ImGui::Selectable(this->Reference ? "reference" : "reference file\u2026"))
@@ -313,6 +323,18 @@ void Viewer::ImageToolbar()
         this->BFrom = SourceB::Kept;
       }
       this->Mark("source/keep");
+      if (ImGui::Selectable("the parameters as they are now (P)"))
+      {
+        this->PutParametersAside();
+      }
+      this->Mark("source/parameters");
+      this->Tooltip(
+        "Puts them aside as set B. Both sets run from then on, so they can be compared on any frame, on any "
+        "node and while the camera turns.");
+      if (this->SetB && ImGui::Selectable(("parameter " + this->NameOfSetB()).c_str()))
+      {
+        this->BFrom = SourceB::Parameters;
+      }
       if (this->Kept && ImGui::Selectable(("kept: " + this->KeptName).c_str()))
       {
         this->BFrom = SourceB::Kept;
@@ -342,6 +364,15 @@ void Viewer::ImageToolbar()
       ImGui::EndCombo();
     }
     this->Mark("image/b");
+    if (this->BFrom == SourceB::Parameters && this->SetB)
+    {
+      this->Tooltip("parameter " + this->NameOfSetB());
+      ImGui::SameLine();
+      if (this->Button("Swap", "image/swap", "Edits set B and puts A aside (Shift+P); one step of undo"))
+      {
+        this->SwapParameters();
+      }
+    }
     if (this->Compared == CompareMode::Difference || this->Compared == CompareMode::Signed)
     {
       ImGui::SameLine();
@@ -703,7 +734,9 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
   const std::string nameA = this->A.Node + (shown ? "  " + shown.Array : "");
   const std::string nameB = this->BFrom == SourceB::Node   ? this->B.Node
                             : this->BFrom == SourceB::Kept ? "kept " + this->KeptName
-                                                           : "reference";
+                            : this->BFrom == SourceB::Parameters
+                              ? Fitted(this->NameOfSetB(), std::max(this->S(120), size.x * 0.45f))
+                              : "reference";
   const ImVec2 corner(min.x + this->S(8), min.y + this->S(8)), opposite(max.x - this->S(8), min.y + this->S(8));
   if (map)
   {
@@ -728,7 +761,12 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
     }
     if (this->Compared != CompareMode::Off && (!p->Wish.B || !p->B.Error.empty()))
     {
-      label(ImVec2(corner.x, corner.y + this->S(24)), p->B.Error.empty() ? "choose what B is, above" : p->B.Error,
+      const bool set = this->BFrom == SourceB::Parameters && this->SetB;
+      label(ImVec2(corner.x, corner.y + this->S(24)),
+        !p->B.Error.empty()                                                 ? p->B.Error
+        : !set                                                              ? "choose what B is, above"
+        : this->ShownB && !this->ShownB->Ok && !this->ShownB->Error.empty() ? "set B: " + this->ShownB->Error
+                                                                            : "set B is at work\u2026",
         false, Colors::Warning);
     }
     if (p->A.Style == DisplayStyle::Heat || p->A.Style == DisplayStyle::LogHeat || p->A.Style == DisplayStyle::Gray ||
@@ -798,9 +836,51 @@ void Viewer::ImagePanel(const ImVec2& min, const ImVec2& max)
   ImGui::PopStyleVar();
 }
 
+/// Of a weight between -1 and 1; on a root scale, so that small ones are told apart.
+static void WeightColor(const WeightsSummary& s, double v, std::uint8_t* rgb)
+{
+  const double t = std::sqrt(std::min(1., std::fabs(v)));
+  MapColor(s.Negative ? DisplayStyle::Signed : DisplayStyle::Heat, s.Negative ? 0.5 + (v < 0 ? -t : t) / 2 : t, rgb);
+}
+
+/// The filters that the shown picture was made by, the nearest first.
+static std::vector<std::string> FiltersBehind(const ViewFrame& frame, const std::string& node)
+{
+  std::vector<std::string> found;
+  const std::shared_ptr<const Graph>& graph = frame.Pipeline;
+  const int start = graph ? graph->Find(node) : -1;
+  std::vector<int> open;
+  std::set<int> known;
+  if (start >= 0)
+  {
+    open.push_back(start);
+    known.insert(start);
+  }
+  for (std::size_t i = 0; i < open.size(); ++i)
+  {
+    const GraphNode& n = graph->Nodes[std::size_t(open[i])];
+    for (const ViewFrame::Node& f : frame.Nodes)
+    {
+      if (f.Path == n.Path && f.Weighs)
+      {
+        found.push_back(f.Path);
+      }
+    }
+    for (const GraphEdge& e : n.Inputs)
+    {
+      if (!e.Delayed && known.insert(e.Producer).second)
+      {
+        open.push_back(e.Producer);
+      }
+    }
+  }
+  return found;
+}
+
 void Viewer::Inspector()
 {
   const Picture shown = this->PictureOf(this->A);
+  this->WantWeights = false;
   if (!shown)
   {
     ImGui::TextColored(Colors::Dim, "No picture to look into.");
@@ -823,8 +903,14 @@ void Viewer::Inspector()
   this->Tooltip("from the top left");
   // The neighbourhood, enlarged.
   const int radius = 4;
+  const std::vector<std::string> filters =
+    FiltersBehind(*this->LastGood, ResolveTarget(*this->LastGood->Document, this->A).Node);
+  this->WantWeights = !filters.empty();
+  this->SummarizeWeights();
+  // Beside it, what the filter takes from where.
+  const float room = ImGui::GetContentRegionAvail().x - this->S(4);
   const float cell =
-    std::floor(std::min(this->S(20), (ImGui::GetContentRegionAvail().x - this->S(4)) / (2 * radius + 1)));
+    std::floor(std::min(this->S(20), (filters.empty() ? room : (room - this->S(10)) / 2) / (2 * radius + 1)));
   const ImVec2 at = ImGui::GetCursorScreenPos();
   ImDrawList* list = ImGui::GetWindowDrawList();
   if (this->Presented && this->Presented->A.Width == v.extent.width())
@@ -847,7 +933,19 @@ void Viewer::Inspector()
     const ImVec2 q(at.x + float(radius) * cell, at.y + float(radius) * cell);
     list->AddRect(
       ImVec2(q.x - 1, q.y - 1), ImVec2(q.x + cell, q.y + cell), ImGui::GetColorU32(Colors::Accent), 0, 0, this->S(1.5));
-    ImGui::Dummy(ImVec2(cell * (2 * radius + 1), cell * (2 * radius + 1) + this->S(6)));
+    ImGui::Dummy(ImVec2(cell * (2 * radius + 1), cell * (2 * radius + 1)));
+    if (!filters.empty())
+    {
+      ImGui::SameLine(0, this->S(10));
+      this->WeightsMap(cell * (2 * radius + 1));
+    }
+    ImGui::Dummy(ImVec2(0, this->S(2)));
+  }
+  if (!filters.empty())
+  {
+    this->WeightsPanel(filters, x, y);
+    ImGui::Dummy(ImVec2(0, this->S(4)));
+    Heading(this->Win, "Arrays");
   }
   if (ImGui::BeginTable("values", 2, ImGuiTableFlags_RowBg | ImGuiTableFlags_SizingFixedFit))
   {
@@ -886,6 +984,250 @@ void Viewer::Inspector()
     }
     ImGui::EndTable();
   }
+}
+
+void Viewer::WeighPinned()
+{
+  const Picture shown = this->PictureOf(this->A);
+  const ImageIn v = shown ? ArrayView(shown.Image, shown.Array) : ImageIn();
+  std::string node;
+  if (this->RightTab == "Pixel" && this->WantWeights && this->PixelValid && v && this->LastGood && !this->Playing)
+  {
+    const std::vector<std::string> filters =
+      FiltersBehind(*this->LastGood, ResolveTarget(*this->LastGood->Document, this->A).Node);
+    if (std::find(filters.begin(), filters.end(), this->WeighNode) != filters.end())
+    {
+      node = this->WeighNode;
+    }
+    else if (!filters.empty())
+    {
+      node = filters.front();
+    }
+  }
+  this->Session->Weigh(
+    node, node.empty() ? 0 : v.extent.x0 + this->PixelX, node.empty() ? 0 : v.extent.y1 - 1 - this->PixelY);
+}
+
+void Viewer::SummarizeWeights()
+{
+  const std::shared_ptr<const ViewWeights> w = this->Weighed;
+  if (!w || this->WeightsOf == w)
+  {
+    return;
+  }
+  this->WeightsOf = w;
+  this->WeightsSum = WeightsSummary();
+  WeightsSummary& s = this->WeightsSum;
+  if (w->Weights.Parts.empty())
+  {
+    return;
+  }
+  // One map of all parts: where several inputs are filtered, a pixel's weights are added up.
+  s.Window = w->Weights.Parts.front().Window;
+  for (const PixelWeights::Part& part : w->Weights.Parts)
+  {
+    s.Window = s.Window.united(part.Window);
+  }
+  s.Values.assign(std::size_t(s.Window.area()), 0.);
+  for (const PixelWeights::Part& part : w->Weights.Parts)
+  {
+    std::size_t i = 0;
+    for (int row = part.Window.y0; row < part.Window.y1; ++row)
+    {
+      for (int column = part.Window.x0; column < part.Window.x1; ++column, ++i)
+      {
+        s.Values[std::size_t(row - s.Window.y0) * std::size_t(s.Window.width()) + std::size_t(column - s.Window.x0)] +=
+          double(part.Weights[i]);
+      }
+    }
+  }
+  double magnitude = 0;
+  std::size_t largest = 0;
+  for (std::size_t i = 0; i < s.Values.size(); ++i)
+  {
+    const double v = s.Values[i];
+    s.Sum += v;
+    s.Squares += v * v;
+    magnitude += std::fabs(v);
+    s.Negative = s.Negative || v < -1e-7;
+    if (std::fabs(v) > std::fabs(s.Values[largest]))
+    {
+      largest = i;
+    }
+  }
+  s.Most = std::fabs(s.Values[largest]);
+  s.LargestX = s.Window.x0 + int(largest % std::size_t(s.Window.width())) - w->X;
+  s.LargestY = s.Window.y0 + int(largest / std::size_t(s.Window.width())) - w->Y;
+  std::vector<double> sorted = s.Values;
+  std::sort(sorted.begin(), sorted.end(), [](double a, double b) { return std::fabs(a) > std::fabs(b); });
+  for (double part = 0; s.Needed < sorted.size() && part < 0.99 * magnitude; ++s.Needed)
+  {
+    part += std::fabs(sorted[s.Needed]);
+  }
+  // What holds 99 % of the weight, with the pixel in the middle: the rest would only make it small.
+  const double least = s.Needed > 0 ? std::fabs(sorted[s.Needed - 1]) : 1.;
+  for (int row = s.Window.y0; row < s.Window.y1; ++row)
+  {
+    for (int column = s.Window.x0; column < s.Window.x1; ++column)
+    {
+      if (s.At(column, row) != 0 && std::fabs(s.At(column, row)) >= least)
+      {
+        s.Reach = std::max({ s.Reach, std::abs(column - w->X), std::abs(row - w->Y) });
+      }
+    }
+  }
+  DisplayImage map;
+  map.Width = map.Height = 2 * s.Reach + 1;
+  map.Rgba.resize(4 * std::size_t(map.Width) * std::size_t(map.Height));
+  for (int j = 0; j < map.Height; ++j)
+  {
+    for (int i = 0; i < map.Width; ++i)
+    {
+      const int column = w->X - s.Reach + i, row = w->Y + s.Reach - j;
+      std::uint8_t* to = &map.Rgba[4 * (std::size_t(j) * std::size_t(map.Width) + std::size_t(i))];
+      to[0] = to[1] = to[2] = 44;
+      to[3] = 255;
+      if (s.Window.contains(column, row))
+      {
+        WeightColor(s, s.Most > 0 ? s.At(column, row) / s.Most : 0., to);
+      }
+    }
+  }
+  this->TextureWeights.Upload(this->Win.Get(), map);
+}
+
+void Viewer::WeightsMap(float side)
+{
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  ImDrawList* list = ImGui::GetWindowDrawList();
+  const std::shared_ptr<const ViewWeights> w = this->WeightsOf;
+  const WeightsSummary& s = this->WeightsSum;
+  if (!w || s.Values.empty() || !this->TextureWeights.Id())
+  {
+    list->AddRectFilled(at, ImVec2(at.x + side, at.y + side), IM_COL32(44, 44, 44, 255));
+    ImGui::Dummy(ImVec2(side, side));
+    return;
+  }
+  const float cell = side / float(2 * s.Reach + 1);
+  list->AddImage(this->TextureWeights.Id(), at, ImVec2(at.x + side, at.y + side));
+  const float grow = std::max(0.f, this->S(3) - cell / 2);
+  const ImVec2 own(at.x + float(s.Reach) * cell, at.y + float(s.Reach) * cell);
+  list->AddRect(ImVec2(own.x - grow, own.y - grow), ImVec2(own.x + cell + grow, own.y + cell + grow),
+    ImGui::GetColorU32(Colors::Accent), 0, 0, this->S(1.5));
+  ImGui::InvisibleButton("weights", ImVec2(side, side));
+  this->Mark("weights");
+  if (ImGui::IsItemHovered())
+  {
+    const ImVec2 mouse = ImGui::GetIO().MousePos;
+    const int i = int((mouse.x - at.x) / cell) - s.Reach, j = int((mouse.y - at.y) / cell) - s.Reach;
+    std::string text = "x " + std::to_string(this->PixelX + i) + "  y " + std::to_string(this->PixelY + j);
+    const bool inside = s.Window.contains(w->X + i, w->Y - j);
+    if (!inside)
+    {
+      text += "\nbeyond the window or the picture";
+    }
+    for (const PixelWeights::Part& part : w->Weights.Parts)
+    {
+      text += inside ? "\n" + Figure(double(part.At(w->X + i, w->Y - j))) + " \u00d7 " + part.Input : "";
+    }
+    ShowTooltip(text, this->S(300));
+  }
+}
+
+void Viewer::WeightsPanel(const std::vector<std::string>& filters, int x, int y)
+{
+  const bool chosen = std::find(filters.begin(), filters.end(), this->WeighNode) != filters.end();
+  const std::string node = chosen ? this->WeighNode : filters.front();
+  Heading(this->Win, "Weights");
+  ImGui::SameLine();
+  ImGui::TextColored(Colors::Dim, "of");
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(-1);
+  if (ImGui::BeginCombo("##weigh", node.c_str()))
+  {
+    for (const std::string& f : filters)
+    {
+      if (ImGui::Selectable(f.c_str(), f == node))
+      {
+        this->WeighNode = f;
+      }
+      this->Mark("weigh/" + f);
+    }
+    ImGui::EndCombo();
+  }
+  this->Mark("weigh");
+  this->Tooltip("The filters that made this picture, the nearest first. Shown is what made this very pixel of the "
+                "filter, found by its own code: the sum of weight times input is its output.");
+  const std::shared_ptr<const ViewWeights> w = this->WeightsOf;
+  if (!w || w->Node != node || w->X != x || w->Y != y || w->Frame != this->LastGood->Number)
+  {
+    ImGui::TextColored(Colors::Dim, this->Playing ? "not while it plays" : "\u2026");
+    return;
+  }
+  const WeightsSummary& s = this->WeightsSum;
+  if (!w->Error.empty() || s.Values.empty())
+  {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Warning, "%s", w->Error.c_str());
+    ImGui::PopTextWrapPos();
+    return;
+  }
+  ImGui::PushFont(this->Win.Small());
+  // The middle in numbers, on the map's colours.
+  if (ImGui::BeginTable("numbers", 5, ImGuiTableFlags_SizingStretchSame))
+  {
+    for (int row = y + 2; row >= y - 2; --row)
+    {
+      ImGui::TableNextRow();
+      for (int column = x - 2; column <= x + 2; ++column)
+      {
+        ImGui::TableNextColumn();
+        if (!s.Window.contains(column, row))
+        {
+          ImGui::TextColored(Colors::Dim, "\u2013");
+          continue;
+        }
+        const double v = s.At(column, row);
+        std::uint8_t c[3];
+        WeightColor(s, s.Most > 0 ? v / s.Most : 0., c);
+        ImGui::TableSetBgColor(ImGuiTableBgTarget_CellBg, IM_COL32(c[0], c[1], c[2], 255));
+        char text[24];
+        std::snprintf(text, sizeof text, std::fabs(v) >= 1e-4 || v == 0 ? "%.4f" : "%.0e", v);
+        const bool bright = 0.3 * c[0] + 0.59 * c[1] + 0.11 * c[2] > 140;
+        ImGui::TextColored(bright ? ImVec4(0, 0, 0, 1) : ImVec4(1, 1, 1, 1), "%s", text);
+      }
+    }
+    ImGui::EndTable();
+  }
+  if (ImGui::BeginTable("weights", 2, ImGuiTableFlags_SizingFixedFit))
+  {
+    const auto line = [](const char* name, const std::string& value)
+    {
+      ImGui::TableNextRow();
+      ImGui::TableNextColumn();
+      ImGui::TextColored(Colors::Dim, "%s", name);
+      ImGui::TableNextColumn();
+      ImGui::TextUnformatted(value.c_str());
+    };
+    const bool centre = s.LargestX == 0 && s.LargestY == 0;
+    const double largest = s.At(x + s.LargestX, y + s.LargestY);
+    line("largest",
+      Figure(largest) + (centre
+                            ? std::string(", its own")
+                            : ", " + std::to_string(std::abs(s.LargestX)) + (s.LargestX < 0 ? " left, " : " right, ") +
+                                std::to_string(std::abs(s.LargestY)) + (s.LargestY < 0 ? " below" : " above")));
+    line("window", std::to_string(s.Window.width()) + " \u00d7 " + std::to_string(s.Window.height()) + ", 99 % in " +
+                     std::to_string(s.Needed) + (s.Needed == 1 ? " pixel" : " pixels"));
+    line("sum", Figure(s.Sum));
+    if (s.Squares > 0 && !s.Negative && s.Sum > 1e-9)
+    {
+      char pixels[32];
+      std::snprintf(pixels, sizeof pixels, "%.3g pixels", s.Sum * s.Sum / s.Squares);
+      line("like a mean of", pixels);
+    }
+    ImGui::EndTable();
+  }
+  ImGui::PopFont();
 }
 
 void Viewer::HistogramPlot()

@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <set>
 
 namespace quell
 {
@@ -71,10 +73,11 @@ void Viewer::PropertyMenu(
   this->Mark("menu/reset");
   ImGui::Separator();
   const bool node = this->Doc.FindNode(scope, box) && !this->Doc.FindNode(scope, box)->IsInstance;
-  if (ImGui::MenuItem("Make it a variable", nullptr, false, scope.empty() && node && !IsVariable(shown)))
+  if (ImGui::MenuItem(scope.empty() ? "Make it a variable" : "Make it a parameter of the template", nullptr, false,
+        node && !IsVariable(shown)))
   {
     const std::string name = this->Doc.MakeVariable(scope, box, row, shown);
-    this->Tell("variable " + name + "; see Pipeline");
+    this->Tell(scope.empty() ? "variable " + name + "; see Pipeline" : "parameter " + name + " of its instances");
   }
   this->Mark("menu/make-variable");
   std::vector<std::pair<std::string, std::string>> names;
@@ -320,6 +323,14 @@ void Viewer::PropertiesTab()
     box = TopOf(this->A.Node);
   }
   const int index = this->Model.Find(box);
+  if (!this->Scope.empty() &&
+      ((index < 0 && this->Selected.empty()) ||
+        (index >= 0 && (this->Model.Boxes[std::size_t(index)].Kind == BoxKind::TemplateInputs ||
+                         this->Model.Boxes[std::size_t(index)].Kind == BoxKind::TemplateOutput))))
+  {
+    this->TemplatePanel();
+    return;
+  }
   if (index < 0)
   {
     ImGui::PushTextWrapPos(0);
@@ -468,18 +479,39 @@ void Viewer::PropertiesTab()
                                                 : Property::Type::String;
           row.Minimum = -1e300;
           row.Maximum = 1e300;
-          if (row.Kind == Property::Type::Int || row.Kind == Property::Type::Double)
+          // What a node of the template makes of it says what it may be.
+          for (const PipelineNode& inner : t->Nodes)
+          {
+            const StageDescription* type = inner.IsInstance ? nullptr : this->Registry.Describe(inner.Type.Value);
+            for (const PipelineProperty& p : inner.Properties)
+            {
+              const Property* fed =
+                type && p.Value.Value == "$(" + row.Name + ")" ? type->FindProperty(p.Name.Value) : nullptr;
+              if (fed)
+              {
+                row.Minimum = fed->Minimum;
+                row.Maximum = fed->Maximum;
+                row.Unit = fed->Unit;
+                row.Kind = fed->Kind;
+                row.Enumerators = fed->Enumerators;
+                row.Doc = row.Doc.empty() ? fed->Doc : row.Doc;
+              }
+            }
+          }
+          if (row.Maximum >= 1e300 && (row.Kind == Property::Type::Int || row.Kind == Property::Type::Double))
           {
             double d = 0;
             std::string error;
             detail::ParseDouble(row.DefaultText, -1e300, 1e300, d, error);
-            row.Minimum = d >= 0 ? 0 : -1e300;
+            row.Minimum = std::max(row.Minimum, d >= 0 ? 0 : -1e300);
           }
           this->PropertyRow(this->Scope, box, row, "");
         }
         ImGui::EndTable();
       }
-      if (this->Button("Open the template", "template/open"))
+      if (this->Button("Open the template", "template/open",
+            t && !this->Doc.IsEditable(node->Type.Value) ? "It is another file's: to look at, or to copy into this one"
+                                                         : nullptr))
       {
         this->EnterScope(node->Type.Value);
       }
@@ -569,6 +601,157 @@ void Viewer::PropertiesTab()
   // Below, so that nothing jumps away under the mouse when the check comes back.
   ImGui::Dummy(ImVec2(0, this->S(4)));
   this->MistakesOf(box);
+}
+
+/// Ports of the template that is open, and what to do where it is another file's.
+void Viewer::TemplatePanel()
+{
+  const PipelineTemplate* found = this->Doc.FindTemplate(this->Scope);
+  if (!found)
+  {
+    return;
+  }
+  const PipelineTemplate t = *found; // edits below replace the document
+  Heading(this->Win, this->Scope.c_str());
+  ImGui::SameLine();
+  ImGui::TextColored(Colors::Dim, "template");
+  ImGui::PushFont(this->Win.Small());
+  ImGui::PushTextWrapPos(0);
+  if (!t.Doc.Value.empty())
+  {
+    ImGui::TextColored(Colors::Dim, "%s", t.Doc.Value.c_str());
+  }
+  const bool editable = this->Doc.IsEditable(this->Scope);
+  if (!editable)
+  {
+    ImGui::Dummy(ImVec2(0, this->S(4)));
+    ImGui::TextColored(Colors::Warning, "It belongs to %s.", ShortPath(t.Place.File).c_str());
+    this->Tooltip(t.Place.File);
+  }
+  ImGui::PopTextWrapPos();
+  ImGui::PopFont();
+  if (!editable)
+  {
+    if (this->Button("Copy it into this file", "template/adopt",
+          "The instances here become the copy's, which can be edited; the other file stays as it is"))
+    {
+      std::string error;
+      const std::string made = this->Doc.AdoptTemplate(this->Scope, error);
+      if (made.empty())
+      {
+        this->Tell(error, true);
+      }
+      else
+      {
+        this->EnterScope(made);
+      }
+      return;
+    }
+    ImGui::SameLine();
+    if (this->Button("Open that file", "template/file", "To change the template for every pipeline that includes it"))
+    {
+      this->AskToClose("file:" + t.Place.File);
+      return;
+    }
+  }
+  ImGui::Dummy(ImVec2(0, this->S(6)));
+  std::string remove;
+  const auto table = [&](const char* title, const std::vector<PipelinePort>& ports, bool inputs)
+  {
+    Heading(this->Win, title);
+    if (ports.empty())
+    {
+      ImGui::TextColored(Colors::Dim, "none");
+    }
+    if (ImGui::BeginTable(title, 3, ImGuiTableFlags_SizingStretchProp | ImGuiTableFlags_RowBg))
+    {
+      ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthStretch, 0.45f);
+      ImGui::TableSetupColumn("what", ImGuiTableColumnFlags_WidthStretch, 0.5f);
+      ImGui::TableSetupColumn("delete", ImGuiTableColumnFlags_WidthFixed, this->S(22));
+      ImGui::PushFont(this->Win.Small());
+      for (const PipelinePort& p : ports)
+      {
+        ImGui::PushID(p.Name.Value.c_str());
+        ImGui::TableNextRow();
+        ImGui::TableNextColumn();
+        ImGui::TextUnformatted(p.Name.Value.c_str());
+        this->Tooltip(p.Doc.Value);
+        ImGui::TableNextColumn();
+        const std::string what = inputs ? p.Type.Value : p.From.Value;
+        ImGui::TextColored(what.empty() && !inputs ? Colors::Warning : Colors::Dim, "%s",
+          what.empty() ? (inputs ? "any" : "has to be connected") : what.c_str());
+        ImGui::TableNextColumn();
+        if (editable && (inputs || ports.size() > 1) && ImGui::SmallButton("\u2715"))
+        {
+          remove = p.Name.Value;
+        }
+        this->Mark("port/delete/" + p.Name.Value);
+        ImGui::PopID();
+      }
+      ImGui::PopFont();
+      ImGui::EndTable();
+    }
+  };
+  table("Inputs", t.Inputs, true);
+  ImGui::Dummy(ImVec2(0, this->S(4)));
+  table("Outputs", t.Outputs, false);
+  if (!remove.empty())
+  {
+    this->Doc.RemoveTemplatePort(this->Scope, remove);
+  }
+  if (!editable)
+  {
+    return;
+  }
+  ImGui::Dummy(ImVec2(0, this->S(6)));
+  ImGui::SetNextItemWidth(this->S(110));
+  ImGui::InputTextWithHint("##newport", "new port", &this->NewPortName);
+  this->Mark("port/name");
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(this->S(92));
+  if (ImGui::BeginCombo("##porttype", this->NewPortType.c_str(), ImGuiComboFlags_HeightLarge))
+  {
+    std::set<std::string> kinds;
+    for (const ArrayType& a : KnownArrays())
+    {
+      kinds.insert(KindName(a.Kind));
+    }
+    kinds.insert(KindName(ArrayKind::Any));
+    for (const std::string& k : kinds)
+    {
+      if (ImGui::Selectable(k.c_str(), k == this->NewPortType))
+      {
+        this->NewPortType = k;
+      }
+      this->Mark("port/type/" + k);
+    }
+    ImGui::EndCombo();
+  }
+  this->Mark("port/type");
+  this->Tooltip("what an input takes");
+  const auto add = [&](bool input)
+  {
+    std::string error;
+    if (input ? this->Doc.AddTemplateInput(this->Scope, this->NewPortName,
+                  this->NewPortType == KindName(ArrayKind::Any) ? "" : this->NewPortType, error)
+              : this->Doc.AddTemplateOutput(this->Scope, this->NewPortName, "", error))
+    {
+      this->NewPortName.clear();
+    }
+    else
+    {
+      this->Tell(error, true);
+    }
+  };
+  if (this->Button("Add an input", "port/add-input", nullptr, !this->NewPortName.empty()))
+  {
+    add(true);
+  }
+  ImGui::SameLine();
+  if (this->Button("Add an output", "port/add-output", nullptr, !this->NewPortName.empty()))
+  {
+    add(false);
+  }
 }
 
 void Viewer::PipelineTab()
@@ -752,7 +935,45 @@ void Viewer::PipelineTab()
     ImGui::SameLine(this->S(90));
     ImGui::TextColored(Colors::Dim, "%s", o.File.Value.c_str());
   }
-  if (this->Button("Add an output", "output/add"))
+  const bool addOutput = this->Button("Add an output", "output/add");
+  ImGui::Dummy(ImVec2(0, this->S(6)));
+  Heading(this->Win, "Templates");
+  std::vector<std::pair<std::string, std::string>> templates; // name, file
+  const std::function<void(const PipelineDocument&)> collect = [&](const PipelineDocument& from)
+  {
+    for (const PipelineTemplate& t : from.Templates)
+    {
+      templates.emplace_back(t.Name.Value, &from == &d ? std::string() : from.File);
+    }
+    for (const PipelineInclude& i : from.Includes)
+    {
+      if (i.Content)
+      {
+        collect(*i.Content);
+      }
+    }
+  };
+  collect(d);
+  if (templates.empty())
+  {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextColored(Colors::Dim, "None. Ctrl+G makes one of the selected nodes.");
+    ImGui::PopTextWrapPos();
+  }
+  for (const auto& t : templates)
+  {
+    if (ImGui::Selectable(("##t" + t.first).c_str(), this->Scope == t.first))
+    {
+      this->EnterScope(t.first);
+    }
+    this->Mark("pipeline/template/" + t.first);
+    this->Tooltip(t.second.empty() ? "Opens it in the graph" : t.second);
+    ImGui::SameLine(0, 0);
+    ImGui::TextUnformatted(t.first.c_str());
+    ImGui::SameLine(this->S(170));
+    ImGui::TextColored(Colors::Dim, "%s", t.second.empty() ? "" : ShortPath(t.second).c_str());
+  }
+  if (addOutput)
   {
     const std::string from =
       this->A.Node.empty() ? std::string() : this->A.Node + (this->A.Array.empty() ? "" : ":" + this->A.Array);
@@ -1137,7 +1358,9 @@ void Viewer::MessagesPanel(const ImVec2& min, const ImVec2& max)
     ImGui::SameLine();
     if (d.Place.Line > 0)
     {
-      ImGui::TextColored(Colors::Dim, "line %d", d.Place.Line);
+      const bool here = d.Place.File.empty() || d.Place.File == this->Doc.Get()->File;
+      ImGui::TextColored(Colors::Dim, "%sline %d",
+        here ? "" : (std::filesystem::path(d.Place.File).filename().string() + " ").c_str(), d.Place.Line);
       ImGui::SameLine();
     }
     ImGui::TextUnformatted(((d.Where.empty() ? std::string() : d.Where + ": ") + d.What).c_str());

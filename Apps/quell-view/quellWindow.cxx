@@ -162,6 +162,19 @@ Window::Window(const Options& options)
   {
     io.KeyMap[k.Key] = k.Key;
   }
+  if (options.SharesClipboard)
+  {
+    this->Copied.reset(new Clipboard);
+    io.ClipboardUserData = this;
+    io.SetClipboardTextFn = [](void* self, const char* text)
+    { static_cast<Window*>(self)->Copied->Set(text ? text : ""); };
+    io.GetClipboardTextFn = [](void* self) -> const char*
+    {
+      Window& w = *static_cast<Window*>(self);
+      w.Pasted = w.Copied->Get();
+      return w.Pasted.c_str();
+    };
+  }
   this->LoadFonts();
   vtkOpenGLRenderWindow::SafeDownCast(this->View)->MakeCurrent();
   ImGui_ImplOpenGL3_Init("#version 150");

@@ -2,6 +2,7 @@
 #ifndef quellWindow_h
 #define quellWindow_h
 
+#include "quellClipboard.h"
 #include "quellDisplayMapping.h"
 #include "vtkCallbackCommand.h"
 #include "vtkImageData.h"
@@ -75,6 +76,8 @@ public:
     bool OffScreen = false;
     double Scale = 0; ///< 0: from the screen's resolution
     std::string Title = "Quell";
+    /// Copied text is there for other programs and theirs for us; off screen nobody asked for that.
+    bool SharesClipboard = false;
   };
   explicit Window(const Options& options);
   ~Window();
@@ -129,6 +132,8 @@ private:
   vtkSmartPointer<vtkRenderWindowInteractor> Events;
   vtkSmartPointer<vtkCallbackCommand> Command;
   ImGuiContext* Context = nullptr;
+  std::unique_ptr<Clipboard> Copied;
+  std::string Pasted; ///< what ImGui was given last
   ImFont *BoldFont = nullptr, *SmallFont = nullptr, *MonoFont = nullptr;
   bool Fonts = false;
   double UiScale = 1;

@@ -541,6 +541,57 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
   return 1;
 }
 
+void vtkQuellStage::Weigh(quell::StageFrame&, quell::PixelWeights&)
+{
+  throw quell::StageError("this stage has no weights to show");
+}
+
+bool vtkQuellStage::WeighPixel(int x, int y, quell::PixelWeights& weights, std::string& error)
+{
+  weights = quell::PixelWeights();
+  const auto& description = this->GetDescription();
+  const quell::Rect pixel{ x, y, x + 1, y + 1 };
+  if (!RectOf(this->GetOutput()->GetExtent()).contains(pixel))
+  {
+    error = "pixel " + std::to_string(x) + ", " + std::to_string(y) + " is not in the frame that was made";
+    return false;
+  }
+  quell::StageFrame frame;
+  frame.Stage = this;
+  frame.OutputRegion = pixel;
+  int whole[6];
+  this->GetOutput()->GetExtent(whole);
+  this->GetOutputInformation(0)->Get(SDDP::WHOLE_EXTENT(), whole);
+  frame.WholeFrame = RectOf(whole);
+  frame.FrameTick = this->Ticks.First;
+  if (!description.Outputs.empty())
+    frame.Wanted.insert(description.Outputs.front().Name);
+  frame.Images.resize(description.Inputs.size());
+  for (int p = 0; p < int(description.Inputs.size()); ++p)
+  {
+    if (!this->NeedsInput(p, frame.Wanted))
+      continue;
+    if (this->Ports[p]->Delayed)
+    {
+      if (this->Ports[p]->History)
+        frame.Images[p].push_back(this->Ports[p]->History);
+      continue;
+    }
+    for (int c = 0; c < this->GetNumberOfInputConnections(p); ++c)
+      frame.Images[p].push_back(vtkImageData::SafeDownCast(this->GetInputDataObject(p, c)));
+  }
+  try
+  {
+    this->Weigh(frame, weights);
+  }
+  catch (const std::exception& failure)
+  {
+    error = failure.what();
+    return false;
+  }
+  return true;
+}
+
 void vtkQuellStage::Prepare(quell::StageFrame&) {}
 void vtkQuellStage::ExecuteTile(const quell::StageFrame&, const quell::Rect&) const {}
 

@@ -69,6 +69,26 @@ struct SamplingStatus
   double Noise = -1;           ///< median over pixels with noise: standard error / mean of luminance; -1: unknown
 };
 
+/// Where a filtered pixel comes from: its first output is the sum over all parts and pixels of weight times the part's
+/// input, as far as pixels are finite. The weights of a filter that normalises them add up to 1.
+struct PixelWeights
+{
+  struct Part
+  {
+    std::string Input;          ///< name of the port; of the connection, where several are connected: "radiance 2"
+    Rect Window;                ///< frame coordinates
+    std::vector<float> Weights; ///< row by row from Window.y0 up
+    float At(int x, int y) const
+    {
+      return this->Window.contains(Rect{ x, y, x + 1, y + 1 })
+               ? this->Weights[std::size_t(y - this->Window.y0) * std::size_t(this->Window.width()) +
+                               std::size_t(x - this->Window.x0)]
+               : 0.f;
+    }
+  };
+  std::vector<Part> Parts;
+};
+
 /// When frames happen: tick t is at scene time t / Rate; ticks run over [First, First + Count).
 struct Timeline
 {
@@ -159,6 +179,13 @@ public:
   ///@}
 
   ///@{
+  /// The weights that made pixel (x, y) of the last execution, found by filtering marked pixels with the very code,
+  /// inputs and properties of the filter. Inputs must still be there as they were; false fills `error` with a sentence.
+  virtual bool CanWeigh() const { return false; }
+  bool WeighPixel(int x, int y, quell::PixelWeights& weights, std::string& error);
+  ///@}
+
+  ///@{
   /// A frame taken in bands of rows, from the top down, one execution each: for sinks whose work can be put together
   /// (PipelineExecutor::SetBandRows). BeginBands says what the bands will cover; EndBands, after the last one, finishes
   /// it and throws quell::StageError where it cannot; DropBands leaves nothing of it.
@@ -227,6 +254,9 @@ protected:
   virtual void Prepare(quell::StageFrame& frame);
   /// Pure function of inputs and properties for the pixels of `tile`; called concurrently.
   virtual void ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const;
+
+  /// WeighPixel's work; `frame` has the pixel as its region and no outputs. May throw.
+  virtual void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights);
 
   /// Runs `body` over the tiles of `region` in parallel, with progress and cancellation (throws
   /// StageError("cancelled")). Progress goes from `from` to `to`.

@@ -147,3 +147,106 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
     store(colorOut, varianceOut);
   this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
 }
+
+void vtkQuellATrousFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  const quell::ImageIn color = frame.Input(Radiance), variance = frame.Input(Variance);
+  const quell::ImageIn depth = frame.Input(Depth), normal = frame.Input(Normal), id = frame.Input(Id);
+  const int passes = this->Iterations;
+  std::vector<quell::Rect> regions(std::size_t(passes) + 1);
+  regions.back() = frame.Region();
+  for (int k = passes - 1; k >= 0; --k)
+    regions[std::size_t(k)] = regions[std::size_t(k) + 1].grown(2 << k).clipped(frame.Whole());
+  const quell::Rect read = regions[0];
+  if (double(read.area()) * (passes + 4) > 5e7)
+    throw quell::StageError(
+      "so many passes reach " + std::to_string(read.area()) + " pixels, too many to say what each of them weighs");
+
+  // What every pass reads, and two sets of planes for marks, which have a colour of their own but the luminance (and
+  // variance) that decides the weights.
+  quell::GuidedPlanes planes;
+  planes.Begin(read, std::max(1, passes ? 2 << (passes - 1) : 1), 5 * (passes + 1) + 8, depth, normal, id);
+  std::vector<quell::ColorPlanes> stages;
+  for (int k = 0; k <= passes; ++k)
+    stages.push_back(planes.TakeColor(true, true, bool(variance)));
+  const quell::ColorPlanes marks = planes.TakeColor(true, false, false);
+  const quell::ColorPlanes result = planes.TakeColor(true, true, bool(variance));
+  quell::ATrousPass pass;
+  pass.guides = planes.Guides;
+  pass.sigmaDepth = float(this->SigmaDepth);
+  pass.sigmaNormal = float(this->SigmaNormal);
+  pass.sigmaLuminance = float(this->SigmaLuminance);
+  pass.depthEpsilon = float(this->DepthEpsilon);
+  pass.luminanceEpsilon = float(this->LuminanceEpsilon);
+  const quell::PlaneLayout& layout = pass.guides.layout;
+  planes.Fill([](const quell::Rect& r, auto&& body) { body(r.y0, r.y1); },
+    [&](int y0, int y1)
+    {
+      quell::CopyColor(color, variance, pass.guides, stages[0], y0, y1, quell::Rect());
+      for (int k = 1; k <= passes; ++k)
+        quell::ClearPadding(layout, stages[std::size_t(k)], y0, y1);
+      quell::ClearPadding(layout, result, y0, y1);
+    });
+  for (float* plane : marks.color)
+    std::fill_n(plane, layout.size(), 0.f);
+  const auto run = [&](int k, const quell::ColorPlanes& from, const quell::ColorPlanes& to)
+  {
+    pass.in = from;
+    pass.out = to;
+    pass.step = 1 << k;
+    pass.fixedSigma = float(std::ldexp(this->SigmaColor, -k));
+    const quell::Rect& made = regions[std::size_t(k) + 1];
+    for (int phase = 0; phase < pass.step && made.y0 + phase < made.y1; ++phase)
+      quell::ATrousRows(pass, made.y0 + phase, (made.height() - phase + pass.step - 1) / pass.step, made.x0, made.x1);
+  };
+  for (int k = 0; k < passes; ++k)
+    run(k, stages[std::size_t(k)], stages[std::size_t(k) + 1]);
+
+  // From the last pass to the first: the weight of each pixel is handed to those that made it. Of the 25 taps of a
+  // pixel exactly one falls into each of 25 classes, so marking a class tells one tap's weight in every pixel.
+  std::vector<double> now(std::size_t(read.area()), 0.), next;
+  const auto at = [&read](int x, int y)
+  { return std::size_t(y - read.y0) * std::size_t(read.width()) + std::size_t(x - read.x0); };
+  now[at(frame.Region().x0, frame.Region().y0)] = 1;
+  for (int k = passes - 1; k >= 0; --k)
+  {
+    const int step = 1 << k;
+    const quell::Rect& made = regions[std::size_t(k) + 1];
+    const auto classOf = [&](int x, int y) { return (y - read.y0) / step % 5 * 5 + (x - read.x0) / step % 5; };
+    next.assign(now.size(), 0.);
+    quell::ColorPlanes in = stages[std::size_t(k)];
+    for (int c = 0; c < 3; ++c)
+      in.color[c] = marks.color[c];
+    for (int first = 0; first < 25; first += 3)
+    {
+      for (int y = read.y0; y < read.y1; ++y)
+        for (int x = read.x0; x < read.x1; ++x)
+          for (int c = 0; c < 3; ++c)
+            marks.color[c][layout.at(x, y)] = classOf(x, y) == first + c ? 1.f : 0.f;
+      run(k, in, result);
+      for (int y = made.y0; y < made.y1; ++y)
+        for (int x = made.x0; x < made.x1; ++x)
+        {
+          const double weight = now[at(x, y)];
+          if (weight == 0)
+            continue;
+          for (int dy = -2; dy <= 2; ++dy)
+            for (int dx = -2; dx <= 2; ++dx)
+            {
+              const int qx = x + dx * step, qy = y + dy * step;
+              if (!read.contains(qx, qy))
+                continue;
+              const int channel = classOf(qx, qy) - first;
+              if (channel >= 0 && channel < 3)
+                next[at(qx, qy)] += weight * double(result.color[channel][layout.at(x, y)]);
+            }
+        }
+    }
+    std::swap(now, next);
+  }
+  quell::PixelWeights::Part part;
+  part.Input = "radiance";
+  part.Window = read;
+  part.Weights.assign(now.begin(), now.end());
+  weights.Parts.push_back(std::move(part));
+}

@@ -59,6 +59,8 @@ public:
   vtkGetMacro(LuminanceEpsilon, double);
   ///@}
 
+  /// Of all passes together.
+  bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
   double CostPerPixel() const override { return 0.1 + 0.18 * this->Iterations; }
   bool FillsOutputs() const override { return true; }
@@ -67,6 +69,7 @@ protected:
   vtkQuellATrousFilter();
   ~vtkQuellATrousFilter() override = default;
   void Execute(quell::StageFrame& frame) override;
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
 
 private:
   int Iterations = 5, FeedbackIteration = 1;

@@ -2,6 +2,7 @@
 #include "vtkQuellBilateralFilter.h"
 
 #include "quellBilateral.h"
+#include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
 #include <cctype>
@@ -223,26 +224,27 @@ double vtkQuellBilateralFilter::CostPerPixel() const
   return 0.1 + side * side / 121;
 }
 
-void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
+void vtkQuellBilateralFilter::Gather(
+  quell::StageFrame& frame, quell::BilateralInputs& in, quell::BilateralParameters& p) const
 {
-  this->CheckSettings();
-  quell::BilateralInputs in;
-  quell::BilateralOutputs out;
   in.radiance = frame.Input(Radiance);
   in.depth = frame.Input(Depth);
   in.normal = frame.Input(Normal);
   in.albedo = frame.Input(Albedo);
   in.position = frame.Input(Position);
   in.id = frame.Input(Id);
-  out.radiance = frame.Output("radiance");
-
+  const auto settingsOf = [this](int port, int connection)
+  {
+    const auto known = this->Settings.find({ port, connection });
+    return known == this->Settings.end() ? GuideSettings() : known->second;
+  };
   if (frame.Connections(Guide) > quell::BilateralInputs::MostGuides)
     throw quell::StageError(
       "more than " + std::to_string(quell::BilateralInputs::MostGuides) + " connections of \"guide\"");
   std::vector<std::string> names;
   for (int c = 0; c < frame.Connections(Guide); ++c)
   {
-    const GuideSettings settings = this->Settings[{ Guide, c }];
+    const GuideSettings settings = settingsOf(Guide, c);
     const std::string& array = this->GetInputArray(Guide, c);
     names.push_back(settings.Name.empty() ? array : settings.Name);
     quell::BilateralGuide& g = in.guides[in.guideCount++];
@@ -262,7 +264,7 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
   }
   for (int c = 0; c < frame.Connections(GuideVariance); ++c)
   {
-    std::string name = this->Settings[{ GuideVariance, c }].Name;
+    std::string name = settingsOf(GuideVariance, c).Name;
     const std::string& array = this->GetInputArray(GuideVariance, c);
     int index = name.empty() && names.size() == 1 ? 0 : -1;
     for (std::size_t k = 0; k < names.size(); ++k)
@@ -283,6 +285,23 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
       throw quell::StageError("guide \"" + names[std::size_t(index)] + "\": distance " +
                               distances[std::size_t(g.distance)] + " takes no variance");
   }
+  p.radius = this->EffectiveRadius();
+  p.sigmaSpatial = this->SigmaSpatial;
+  p.sigmaRange = this->SigmaRange;
+  p.range = quell::RangeSpace(this->Range);
+  p.sigmaNormal = this->SigmaNormal;
+  p.sigmaDepth = this->SigmaDepth;
+  p.sigmaAlbedo = this->SigmaAlbedo;
+}
+
+void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
+{
+  this->CheckSettings();
+  quell::BilateralInputs in;
+  quell::BilateralParameters p;
+  this->Gather(frame, in, p);
+  quell::BilateralOutputs out;
+  out.radiance = frame.Output("radiance");
   int components = 0;
   for (const std::string& name : Names(this->Arrays))
   {
@@ -297,14 +316,6 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
     out.carried[in.carriedCount++] = frame.AddOutput(name, image.components);
   }
 
-  quell::BilateralParameters p;
-  p.radius = this->EffectiveRadius();
-  p.sigmaSpatial = this->SigmaSpatial;
-  p.sigmaRange = this->SigmaRange;
-  p.range = quell::RangeSpace(this->Range);
-  p.sigmaNormal = this->SigmaNormal;
-  p.sigmaDepth = this->SigmaDepth;
-  p.sigmaAlbedo = this->SigmaAlbedo;
   this->NonFinite.Reset();
   this->ForEachTile(frame.Region(), TileSize,
     [&](const quell::Rect& tile)
@@ -315,4 +326,25 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
   this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
   const std::int64_t side = 2 * this->EffectiveRadius() + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
+}
+
+void vtkQuellBilateralFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  quell::BilateralInputs in;
+  quell::BilateralParameters p;
+  this->Gather(frame, in, p);
+  const quell::Rect pixel = frame.Region();
+  // Carried values take the colour's weights.
+  float color[3];
+  in.carriedCount = 1;
+  quell::BilateralOutputs out;
+  out.radiance = quell::ImageOut(color, 3, pixel);
+  quell::Scratch scratch;
+  quell::WeighByMarks(weights, "radiance", in.radiance, pixel.grown(p.radius), 1,
+    [&](const quell::ImageIn& marks, const quell::ImageOut& result)
+    {
+      in.carried[0] = marks;
+      out.carried[0] = result;
+      quell::Bilateral(in, p, out, pixel, scratch.Take(quell::BilateralScratch(in, p, pixel)));
+    });
 }

@@ -31,6 +31,12 @@
 #include <map>
 #include <utility>
 
+namespace quell
+{
+struct BilateralInputs;
+struct BilateralParameters;
+}
+
 class VTKQUELLDENOISING_EXPORT vtkQuellBilateralFilter : public vtkQuellStage
 {
 public:
@@ -70,6 +76,7 @@ public:
   const std::string& GetArrays() const { return this->Arrays; }
   ///@}
 
+  bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
   double CostPerPixel() const override;
   bool FillsOutputs() const override { return true; }
@@ -83,9 +90,12 @@ protected:
   vtkQuellBilateralFilter();
   ~vtkQuellBilateralFilter() override = default;
   void Execute(quell::StageFrame& frame) override;
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
 
 private:
   int EffectiveRadius() const;
+  /// Radiance and guides as the ports have them, and the properties.
+  void Gather(quell::StageFrame& frame, quell::BilateralInputs& in, quell::BilateralParameters& p) const;
   struct GuideSettings
   {
     std::string Name;  ///< of a guide, or of the guide whose variance it is; empty: the array's

@@ -3,6 +3,7 @@
 
 #include "quellGuards.h"
 #include "quellKernelFilter.h"
+#include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
 #include <cmath>
@@ -208,4 +209,18 @@ void vtkQuellKernelFilter::Execute(quell::StageFrame& frame)
   const std::int64_t taps =
     kernel.Separable() ? std::int64_t(kernel.Across.size() + kernel.Up.size()) : std::int64_t(kernel.Weights.size());
   this->Counters.Taps += frame.Region().area() * taps * std::int64_t(works.size());
+}
+
+void vtkQuellKernelFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  const quell::FilterKernel kernel = this->MakeKernel();
+  const quell::ImageIn color = frame.Input(Radiance);
+  const quell::Rect pixel = frame.Region();
+  quell::Scratch scratch;
+  quell::WeighByMarks(weights, "radiance", color, pixel.grown(std::max(kernel.RadiusX, kernel.RadiusY)), 1,
+    [&](const quell::ImageIn& marks, const quell::ImageOut& out)
+    {
+      quell::KernelFilter(marks, color, kernel, this->Normalize, quell::KernelMode::Mean, out, pixel,
+        scratch.Take(quell::KernelFilterScratch(marks, kernel, pixel)));
+    });
 }

@@ -54,6 +54,7 @@ public:
   const std::string& GetArrays() const { return this->Arrays; }
   ///@}
 
+  bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
   double CostPerPixel() const override { return 0.05 + 0.01 * this->HaloFor(0); }
   bool FillsOutputs() const override { return true; }
@@ -64,6 +65,7 @@ protected:
   vtkQuellKernelFilter();
   ~vtkQuellKernelFilter() override = default;
   void Execute(quell::StageFrame& frame) override;
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
 
 private:
   /// Throws quell::StageError for a Matrix that is none.

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkQuellSampleFilter.h"
 
+#include "quellGuards.h"
 #include "quellSampleFilter.h"
+#include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
 #include <algorithm>
@@ -20,6 +22,12 @@ enum Ports
   Albedo,
   Id
 };
+
+quell::SampleFilterInputs InputsOf(const std::vector<quell::ImageIn> (&views)[5])
+{
+  const auto all = [&views](int port) { return views[port].empty() ? nullptr : views[port].data(); };
+  return { int(views[Radiance].size()), all(Radiance), all(Depth), all(Normal), all(Albedo), all(Id) };
+}
 }
 
 void vtkQuellSampleFilter::Describe(quell::StageDescription& d)
@@ -71,10 +79,10 @@ int vtkQuellSampleFilter::HaloFor(int) const
   return std::max(1, this->Radius); // 1: a non-finite sample is filled from its neighbours
 }
 
-void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
+void vtkQuellSampleFilter::Gather(
+  quell::StageFrame& frame, std::vector<quell::ImageIn> (&views)[5], quell::SampleFilterParameters& p) const
 {
   const int count = frame.Connections(Radiance);
-  std::vector<quell::ImageIn> views[5];
   for (int port = Radiance; port <= Id; ++port)
   {
     const int n = frame.Connections(port);
@@ -84,9 +92,6 @@ void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
     for (int c = 0; c < n; ++c)
       views[port].push_back(frame.Input(port, c));
   }
-  const auto all = [&views](int port) { return views[port].empty() ? nullptr : views[port].data(); };
-  const quell::SampleFilterInputs in{ count, all(Radiance), all(Depth), all(Normal), all(Albedo), all(Id) };
-  quell::SampleFilterParameters p;
   p.radius = this->Radius;
   p.sigmaSpatial = this->SigmaSpatial;
   p.sigmaNormal = this->SigmaNormal;
@@ -95,6 +100,15 @@ void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
   p.pairs = quell::SamplePairs(this->Pairs);
   p.demodulate = this->Demodulate;
   p.floor = float(this->Floor);
+}
+
+void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
+{
+  std::vector<quell::ImageIn> views[5];
+  quell::SampleFilterParameters p;
+  this->Gather(frame, views, p);
+  const int count = int(views[Radiance].size());
+  const quell::SampleFilterInputs in = InputsOf(views);
   const quell::ImageOut out = frame.Output("radiance");
   quell::PixelCount bad;
   this->ForEachTile(frame.Region(), 64,
@@ -106,4 +120,57 @@ void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side * count * (this->Pairs ? count : 1);
   bad.Report(this->Counters, this->Warnings, "the samples");
+}
+
+void vtkQuellSampleFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  std::vector<quell::ImageIn> views[5];
+  quell::SampleFilterParameters p;
+  this->Gather(frame, views, p);
+  // The weights are those of what is divided by albedos.
+  const bool divided = p.demodulate && !views[Albedo].empty();
+  p.demodulate = false;
+  const quell::Rect pixel = frame.Region();
+  const std::vector<quell::ImageIn> samples = views[Radiance];
+  // Colour has no say in the weights, but what is not finite has none: marked samples take its place, three pixels at
+  // a time.
+  const quell::Rect around = pixel.grown(p.radius + 1).clipped(frame.Whole());
+  std::vector<std::vector<float>> marked(samples.size());
+  for (std::size_t t = 0; t < samples.size(); ++t)
+  {
+    marked[t].resize(3 * std::size_t(around.area()));
+    views[Radiance][t] = quell::ImageIn(marked[t].data(), 3, around);
+  }
+  quell::Scratch scratch;
+  for (std::size_t t = 0; t < samples.size(); ++t)
+  {
+    const std::string name =
+      (divided ? "radiance / albedo" : "radiance") + (samples.size() == 1 ? "" : " " + std::to_string(t + 1));
+    quell::WeighByMarks(weights, name, samples[t], pixel.grown(p.radius), 1,
+      [&](const quell::ImageIn& marks, const quell::ImageOut& out)
+      {
+        // The filter takes three channels, marks have four.
+        for (int first : { 0, 3 })
+        {
+          const int channels = first == 0 ? 3 : 1;
+          for (std::size_t k = 0; k < samples.size(); ++k)
+            for (int y = around.y0; y < around.y1; ++y)
+              for (int x = around.x0; x < around.x1; ++x)
+              {
+                float* to = &marked[k][3 * (std::size_t(y - around.y0) * std::size_t(around.width()) +
+                                             std::size_t(x - around.x0))];
+                const bool finite = quell::Finite3(samples[k].at(x, y));
+                for (int c = 0; c < 3; ++c)
+                  to[c] = !finite                                        ? samples[k].at(x, y)[c]
+                          : k == t && c < channels && marks.inside(x, y) ? marks.at(x, y)[first + c]
+                                                                         : 0.f;
+              }
+          float color[3];
+          const quell::SampleFilterInputs in = InputsOf(views);
+          quell::SampleFilter(
+            in, p, quell::ImageOut(color, 3, pixel), pixel, scratch.Take(quell::SampleFilterScratch(in, p, pixel)));
+          std::copy_n(color, channels, out.data + first);
+        }
+      });
+  }
 }

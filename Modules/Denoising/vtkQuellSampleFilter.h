@@ -19,6 +19,13 @@
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
 
+#include <vector>
+
+namespace quell
+{
+struct SampleFilterParameters;
+}
+
 class VTKQUELLDENOISING_EXPORT vtkQuellSampleFilter : public vtkQuellStage
 {
 public:
@@ -57,6 +64,7 @@ public:
   vtkGetMacro(Floor, double);
   ///@}
 
+  bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
   double CostPerPixel() const override { return 8. * (2 * this->Radius + 1) * (2 * this->Radius + 1) / 121; }
 
@@ -64,8 +72,12 @@ protected:
   vtkQuellSampleFilter();
   ~vtkQuellSampleFilter() override = default;
   void Execute(quell::StageFrame& frame) override;
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
 
 private:
+  void Gather(
+    quell::StageFrame& frame, std::vector<quell::ImageIn> (&views)[5], quell::SampleFilterParameters& p) const;
+
   int Radius = 5, Pairs = 1;
   double SigmaSpatial = 2, SigmaNormal = 0.2, SigmaDepth = 0.05, SigmaAlbedo = 0.1, Floor = 1e-3;
   bool Demodulate = true;

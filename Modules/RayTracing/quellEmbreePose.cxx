@@ -410,7 +410,22 @@ bool EmbreeScene::PoseMoving(const ScenePose& pose, const ScenePose& previous, b
     ++w.Committed;
   }
   if (changed || fresh)
+  {
     rtcCommitScene(this->Moving);
+    rtcGetSceneBounds(this->Moving, &this->MovingBox);
+    // Wider by more than what rounding can do to slabs, and never flat.
+    const auto widen = [](float& low, float& high)
+    {
+      if (!(low <= high))
+        return;
+      const float margin = 1e-5f * std::max({ high - low, std::fabs(low), std::fabs(high) }) + 1e-30f;
+      low -= margin;
+      high += margin;
+    };
+    widen(this->MovingBox.lower_x, this->MovingBox.upper_x);
+    widen(this->MovingBox.lower_y, this->MovingBox.upper_y);
+    widen(this->MovingBox.lower_z, this->MovingBox.upper_z);
+  }
   Check(this->Device);
   return lights;
 }

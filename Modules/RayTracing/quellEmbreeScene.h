@@ -410,6 +410,9 @@ private:
   RTCDevice Device = nullptr;
   RTCScene Rtc = nullptr;    ///< what keeps still
   RTCScene Moving = nullptr; ///< what moves; null: nothing does
+  /// Around all of it while the shutter is open, and a little more: most rays pass by and need not ask Embree. Empty
+  /// (lower above upper) where there is nothing.
+  RTCBounds MovingBox = {};
   std::atomic<std::int64_t> EmbreeBytes{ 0 }, MovingSteps{ 0 };
   Statistics Work;
   std::size_t HiddenWarnings = 0;

@@ -57,7 +57,7 @@ void Spread(double* to, const Vec3f& v, int count) noexcept
 }
 }
 
-Film::Film(const Rect& region, const std::set<std::string>& arrays)
+Film::Film(const Rect& region, const std::set<std::string>& arrays, std::vector<double> memory)
   : Area(region)
 {
   int next = 0;
@@ -142,7 +142,19 @@ Film::Film(const Rect& region, const std::set<std::string>& arrays)
       throw std::invalid_argument("the film keeps no array \"" + a + "\"");
   }
   this->Stride = next;
-  this->Sums.assign(std::size_t(region.area()) * std::size_t(next), 0.);
+  const std::size_t size = std::size_t(region.area()) * std::size_t(next);
+  if (memory.size() != size)
+  {
+    memory = std::vector<double>(); // goes before more is taken
+    memory.resize(size);
+  }
+  this->Sums = std::move(memory);
+}
+
+void Film::Clear(const Rect& part) noexcept
+{
+  for (int y = part.y0; y<part.y1&& this->Stride> 0; ++y)
+    std::fill_n(this->Record(part.x0, y), std::size_t(part.width()) * std::size_t(this->Stride), 0.);
 }
 
 bool Film::WantsLight() const

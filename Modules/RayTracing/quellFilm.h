@@ -58,7 +58,9 @@ public:
   Film() = default;
   /// `arrays`: names as in the stage's table ("radiance", "albedo", "bounce2", ...); unknown names throw
   /// std::invalid_argument.
-  Film(const Rect& region, const std::set<std::string>& arrays);
+  /// `memory`: of a film of as many numbers, to be used again: new memory has to be cleared by the system first. Then
+  /// the sums are anything until Clear.
+  Film(const Rect& region, const std::set<std::string>& arrays, std::vector<double> memory = {});
 
   /// Offsets of the sums in a pixel's record, -1: not kept.
   struct Slots
@@ -87,6 +89,10 @@ public:
 
   const Rect& Region() const { return this->Area; }
   std::size_t BytesPerPixel() const { return sizeof(double) * std::size_t(this->Stride); }
+  /// The sums of pixels that have no sample yet; part by part, so that they are in a cache when the samples come.
+  void Clear(const Rect& part) noexcept;
+  /// Lets go of the sums.
+  std::vector<double> TakeMemory() { return std::move(this->Sums); }
   /// All sums, to be stored; a film of the same region and arrays goes on with them.
   const std::vector<double>& Data() const { return this->Sums; }
   /// False when they are not as many as this film keeps; then nothing is changed.

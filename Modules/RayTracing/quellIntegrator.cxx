@@ -203,6 +203,8 @@ void Integrator::Render(Film& film, const Rect& part, int first, int count, Trac
 {
   const EmbreeScene& scene = *this->Scene;
   Batch b;
+  if (first == 0)
+    film.Clear(part);
   scene.Begin(b.Context);
   b.Counters = &counters;
   b.Pattern = this->Pattern;

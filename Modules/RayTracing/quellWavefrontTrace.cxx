@@ -30,6 +30,22 @@ void SetRay(RTCRay& r, float ox, float oy, float oz, float dx, float dy, float d
 }
 constexpr float Infinity = std::numeric_limits<float>::infinity();
 
+/// Whether a ray can meet anything in the box before its end; true where that is not sure.
+bool MayMeet(const RTCBounds& box, const RTCRay& r) noexcept
+{
+  const auto inverse = [](float d) { return 1 / (std::fabs(d) < 1e-30f ? std::copysign(1e-30f, d) : d); };
+  const float ix = inverse(r.dir_x), iy = inverse(r.dir_y), iz = inverse(r.dir_z);
+  const float ax = (box.lower_x - r.org_x) * ix, bx = (box.upper_x - r.org_x) * ix;
+  const float ay = (box.lower_y - r.org_y) * iy, by = (box.upper_y - r.org_y) * iy;
+  const float az = (box.lower_z - r.org_z) * iz, bz = (box.upper_z - r.org_z) * iz;
+  const float enter = std::max(std::max(std::min(ax, bx), std::min(ay, by)), std::min(az, bz));
+  const float leave = std::min(std::min(std::max(ax, bx), std::max(ay, by)), std::max(az, bz));
+  // Each of them is off by a few roundings of itself.
+  constexpr float slack = 1e-6f;
+  return !(enter - leave > slack * (std::fabs(enter) + std::fabs(leave)) || leave < 0 ||
+           enter - slack * std::fabs(enter) > r.tfar);
+}
+
 /// What Embree says of the hit of row `i`.
 void Copy(const Wavefront& w, int i, SurfaceHit& hit) noexcept
 {
@@ -55,7 +71,7 @@ void WavefrontAccess::Intersect(const EmbreeScene& scene, EmbreeScene::Context& 
     if (keys)
       context.Key = keys[i];
     rtcIntersect1(scene.Rtc, &context.Rtc, &r);
-    if (scene.Moving)
+    if (scene.Moving && MayMeet(scene.MovingBox, r.ray))
       rtcIntersect1(scene.Moving, &context.Rtc, &r);
     const bool found = r.hit.geomID != RTC_INVALID_GEOMETRY_ID && r.ray.tfar < Infinity;
     const std::uint32_t part = r.hit.instID[0] != RTC_INVALID_GEOMETRY_ID ? r.hit.instID[0] : r.hit.geomID;
@@ -195,7 +211,7 @@ std::int64_t WavefrontAccess::Occlude(const EmbreeScene& scene, EmbreeScene::Con
       context.Key = keys[i];
     context.Panes.Count = 0;
     rtcOccluded1(scene.Rtc, &context.Rtc, &r);
-    if (scene.Moving && !(r.tfar < 0))
+    if (scene.Moving && !(r.tfar < 0) && MayMeet(scene.MovingBox, r))
       rtcOccluded1(scene.Moving, &context.Rtc, &r);
     if (r.tfar < 0)
       w.Lit[i] = 0;

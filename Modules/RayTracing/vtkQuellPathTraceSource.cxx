@@ -871,7 +871,8 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       this->Warnings.push_back("the saved samples are of another frame or scene: all are traced anew");
   }
 
-  // What is of no use any more goes before more memory is taken.
+  // What is of no use any more goes before more memory is taken; a film's memory serves the next one.
+  std::vector<double> spare;
   for (auto& t : in.Kept)
   {
     bool keep = t->Region.contains(region) && t->PrimaryKey == primaryKey &&
@@ -890,7 +891,11 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       }
     }
     if (!keep)
+    {
+      if (t->Film && t->Film->Data().size() > spare.size())
+        spare = t->Film->TakeMemory();
       t.reset();
+    }
   }
   in.Kept.erase(std::remove(in.Kept.begin(), in.Kept.end(), nullptr), in.Kept.end());
 
@@ -955,7 +960,7 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       if (this->IsWatched() && target >= 16 && probe.WantsEmission() && probe.WantsDirect() && probe.WantsIndirect())
         t->Names.insert("moments");
       bytes = quell::Film(one, t->Names).BytesPerPixel();
-      t->Film = std::make_unique<quell::Film>(region, t->Names);
+      t->Film = std::make_unique<quell::Film>(region, t->Names, std::move(spare));
     }
     catch (const std::bad_alloc&)
     {
@@ -1003,8 +1008,9 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     outputs.push_back({ from, { name, out } });
     held += std::size_t(region.area()) * std::size_t(out.components) * sizeof(float);
   }
+  // A tile's sums fit a cache: every array reads all of them.
   this->ForEachTile(
-    region, 64,
+    region, 32,
     [&](const quell::Rect& tile)
     {
       for (const auto& o : outputs)

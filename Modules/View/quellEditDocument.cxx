@@ -308,11 +308,29 @@ void EditDocument::Commit(const std::string& label, const std::string& mergeKey)
     if (!sameDocument)
     {
       this->Now.Document = this->Draft; // a box that was moved leaves the session's document alone
+      this->Locate();
     }
     ++this->Count;
     this->MergeKey = mergeKey;
   }
   this->Draft.reset();
+}
+
+/// Messages name lines: those of what saving would write, not those of what was opened.
+void EditDocument::Locate()
+{
+  Diagnostics messages;
+  const std::shared_ptr<PipelineDocument> located = ReadPipelineText(this->Text(), this->Now.Document->File, messages);
+  if (!located || *located != *this->Now.Document || located->Includes.size() != this->Now.Document->Includes.size())
+  {
+    return;
+  }
+  located->Directory = this->Now.Document->Directory;
+  for (std::size_t i = 0; i < located->Includes.size(); ++i)
+  {
+    located->Includes[i].Content = this->Now.Document->Includes[i].Content;
+  }
+  this->Now.Document = located;
 }
 
 void EditDocument::Undo()
@@ -380,6 +398,429 @@ PipelineNode* EditDocument::EditNode(PipelineDocument& d, const std::string& sco
     }
   }
   return nullptr;
+}
+
+PipelineTemplate* EditDocument::EditTemplate(PipelineDocument& d, const std::string& name) const
+{
+  for (PipelineTemplate& t : d.Templates)
+  {
+    if (t.Name.Value == name)
+    {
+      return &t;
+    }
+  }
+  return nullptr;
+}
+
+std::string EditDocument::FreeTemplateName(const std::string& hint) const
+{
+  std::string name = IsPipelineName(hint) ? hint : "group";
+  const std::string stem = name;
+  for (int i = 2; this->FindTemplate(name); ++i)
+  {
+    name = stem + std::to_string(i);
+  }
+  return name;
+}
+
+std::string EditDocument::MakeTemplate(const std::vector<std::string>& boxes, const std::string& name,
+  const std::function<std::string(const std::string&)>& typeOf, std::string& error)
+{
+  if (!IsPipelineName(name))
+  {
+    error = Quoted(name) + " is no name: letters, digits, _ and -, beginning with a letter";
+    return {};
+  }
+  PipelineDocument& d = this->Begin();
+  std::set<std::string> chosen;
+  for (const PipelineNode& n : d.Nodes)
+  {
+    if (std::find(boxes.begin(), boxes.end(), n.Id.Value) != boxes.end())
+    {
+      chosen.insert(n.Id.Value);
+    }
+  }
+  if (chosen.empty())
+  {
+    error = "select the nodes that belong together";
+    return {};
+  }
+  const auto isInside = [&chosen](const std::string& from) { return chosen.count(TopOf(NodeOfReference(from))) != 0; };
+  // Who is needed by the chosen and needs them would be on both sides of the instance.
+  std::map<std::string, std::set<std::string>> reads;
+  for (const PipelineNode& n : d.Nodes)
+  {
+    for (const PipelineInput& i : n.Inputs)
+    {
+      if (!i.Delay.Given)
+      {
+        reads[n.Id.Value].insert(TopOf(NodeOfReference(i.From.Value)));
+      }
+    }
+  }
+  const auto behind = [&](const std::set<std::string>& start, const auto& next)
+  {
+    std::set<std::string> found;
+    std::vector<std::string> open(start.begin(), start.end());
+    while (!open.empty())
+    {
+      const std::string id = open.back();
+      open.pop_back();
+      for (const std::string& n : next(id))
+      {
+        if (!start.count(n) && found.insert(n).second)
+        {
+          open.push_back(n);
+        }
+      }
+    }
+    return found;
+  };
+  const std::set<std::string> before = behind(chosen, [&](const std::string& id) { return reads[id]; });
+  const std::set<std::string> after = behind(chosen,
+    [&](const std::string& id)
+    {
+      std::set<std::string> readers;
+      for (const auto& r : reads)
+      {
+        if (r.second.count(id))
+        {
+          readers.insert(r.first);
+        }
+      }
+      return readers;
+    });
+  for (const std::string& id : before)
+  {
+    if (after.count(id))
+    {
+      error = Quoted(id) + " lies between them: select it, too";
+      return {};
+    }
+  }
+
+  PipelineTemplate t;
+  t.Name = TextAt(d, this->FreeTemplateName(name));
+  t.Place.File = d.File;
+  const auto portName = [&t](std::string hint)
+  {
+    hint = IsPipelineName(hint) ? hint : "port";
+    std::string free = hint;
+    const auto taken = [&](const PipelinePort& p) { return p.Name.Value == free; };
+    for (int i = 2;
+         std::any_of(t.Inputs.begin(), t.Inputs.end(), taken) || std::any_of(t.Outputs.begin(), t.Outputs.end(), taken);
+         ++i)
+    {
+      free = hint + std::to_string(i);
+    }
+    return free;
+  };
+  PipelineNode instance;
+  instance.IsInstance = true;
+  instance.Id = TextAt(d, this->FreeName("", t.Name.Value));
+  instance.Type = t.Name;
+  instance.Place.File = d.File;
+  std::map<std::string, std::string> in, out; // what is read -> port
+  for (const PipelineNode& n : d.Nodes)
+  {
+    if (!chosen.count(n.Id.Value))
+    {
+      continue;
+    }
+    PipelineNode inner = n;
+    for (PipelineInput& i : inner.Inputs)
+    {
+      if (i.From.Value.empty() || isInside(i.From.Value))
+      {
+        continue;
+      }
+      // A port read from the previous frame is another one: the delay stands outside.
+      const std::string key = i.From.Value + (i.Delay.Given ? " " + i.Delay.Value : std::string());
+      auto known = in.find(key);
+      if (known == in.end())
+      {
+        PipelinePort port;
+        port.Name = TextAt(d, portName(i.Port.Value));
+        const std::string type = typeOf ? typeOf(i.From.Value) : std::string();
+        if (!type.empty())
+        {
+          port.Type = TextAt(d, type);
+        }
+        port.Place.File = d.File;
+        t.Inputs.push_back(port);
+        PipelineInput outer;
+        outer.Port = port.Name;
+        outer.From = i.From;
+        outer.Delay = i.Delay;
+        outer.Place.File = d.File;
+        instance.Inputs.push_back(outer);
+        known = in.emplace(key, port.Name.Value).first;
+      }
+      i.From = TextAt(d, "@" + known->second);
+      i.Delay = PipelineText();
+    }
+    t.Nodes.push_back(inner);
+  }
+  const auto lead = [&](PipelineText& from)
+  {
+    if (from.Value.empty() || !isInside(from.Value))
+    {
+      return;
+    }
+    auto known = out.find(from.Value);
+    if (known == out.end())
+    {
+      std::string array;
+      NodeOfReference(from.Value, &array);
+      PipelinePort port;
+      port.Name = TextAt(d, portName(out.empty() ? "out" : array.empty() ? "out" : array));
+      port.From = TextAt(d, from.Value);
+      port.Place.File = d.File;
+      t.Outputs.push_back(port);
+      known = out.emplace(from.Value, port.Name.Value).first;
+    }
+    from = TextAt(d, instance.Id.Value + ":" + known->second);
+  };
+  std::vector<PipelineNode> nodes;
+  bool placed = false;
+  for (PipelineNode& n : d.Nodes)
+  {
+    if (chosen.count(n.Id.Value))
+    {
+      if (!placed)
+      {
+        nodes.push_back(instance);
+      }
+      placed = true;
+      continue;
+    }
+    for (PipelineInput& i : n.Inputs)
+    {
+      lead(i.From);
+    }
+    nodes.push_back(n);
+  }
+  for (PipelineOutput& o : d.Outputs)
+  {
+    lead(o.From);
+    for (PipelineLayer& l : o.Layers)
+    {
+      lead(l.From);
+    }
+  }
+  // What the instance itself reads of the previous frame of its own.
+  for (PipelineNode& n : nodes)
+  {
+    if (n.Id.Value == instance.Id.Value)
+    {
+      for (PipelineInput& i : n.Inputs)
+      {
+        lead(i.From);
+      }
+    }
+  }
+  if (t.Outputs.empty())
+  {
+    // Nobody reads them yet: the last one that none of them reads.
+    std::string last;
+    for (const PipelineNode& n : t.Nodes)
+    {
+      const bool read = std::any_of(t.Nodes.begin(), t.Nodes.end(),
+        [&](const PipelineNode& m)
+        {
+          return std::any_of(m.Inputs.begin(), m.Inputs.end(),
+            [&](const PipelineInput& i) { return TopOf(NodeOfReference(i.From.Value)) == n.Id.Value; });
+        });
+      last = read && !last.empty() ? last : n.Id.Value;
+    }
+    PipelinePort port;
+    port.Name = TextAt(d, portName("out"));
+    port.From = TextAt(d, last);
+    port.Place.File = d.File;
+    t.Outputs.push_back(port);
+  }
+  d.Nodes = std::move(nodes);
+  const std::string id = instance.Id.Value;
+  double x = 0, y = 0, left = 1e300, top = 1e300;
+  int count = 0;
+  for (const std::string& box : chosen)
+  {
+    const auto at = this->DraftPositions.find(PositionKey("", box));
+    if (at != this->DraftPositions.end())
+    {
+      x += at->second.first;
+      y += at->second.second;
+      left = std::min(left, at->second.first);
+      top = std::min(top, at->second.second);
+      ++count;
+    }
+  }
+  for (const std::string& box : chosen)
+  {
+    const auto at = this->DraftPositions.find(PositionKey("", box));
+    if (at != this->DraftPositions.end())
+    {
+      const auto place = at->second;
+      this->DraftPositions.erase(at);
+      this->Place(t.Name.Value, box, place.first - left + 260, place.second - top + 40);
+    }
+  }
+  if (count > 0)
+  {
+    this->Place("", id, x / count, y / count);
+  }
+  d.Templates.push_back(std::move(t));
+  this->Commit("make a template of " + std::to_string(chosen.size()) + (chosen.size() == 1 ? " node" : " nodes"));
+  return id;
+}
+
+std::string EditDocument::AdoptTemplate(const std::string& name, std::string& error)
+{
+  const PipelineTemplate* from = this->FindTemplate(name);
+  if (!from || this->IsEditable(name))
+  {
+    error = from ? Quoted(name) + " is this file's already" : "there is no template " + Quoted(name);
+    return {};
+  }
+  PipelineTemplate copy = *from;
+  PipelineDocument& d = this->Begin();
+  copy.Name = TextAt(d, this->FreeTemplateName(name));
+  const auto adopt = [&](std::vector<PipelineNode>& nodes)
+  {
+    for (PipelineNode& n : nodes)
+    {
+      if (n.IsInstance && n.Type.Value == name)
+      {
+        n.Type.Value = copy.Name.Value;
+      }
+    }
+  };
+  adopt(d.Nodes);
+  for (PipelineTemplate& t : d.Templates)
+  {
+    adopt(t.Nodes);
+  }
+  const std::string made = copy.Name.Value;
+  d.Templates.push_back(std::move(copy));
+  this->Commit("copy template " + name);
+  return made;
+}
+
+bool EditDocument::AddTemplateInput(
+  const std::string& scope, const std::string& name, const std::string& type, std::string& error)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineTemplate* t = this->EditTemplate(d, scope);
+  const auto named = [&name](const PipelinePort& p) { return p.Name.Value == name; };
+  if (!t || !IsPipelineName(name) || std::any_of(t->Inputs.begin(), t->Inputs.end(), named) ||
+      std::any_of(t->Outputs.begin(), t->Outputs.end(), named))
+  {
+    error = !t                      ? "this template belongs to another file"
+            : !IsPipelineName(name) ? Quoted(name) + " is no name: letters, digits, _ and -, beginning with a letter"
+                                    : "there is a port " + Quoted(name) + " already";
+    return false;
+  }
+  PipelinePort port;
+  port.Name = TextAt(d, name);
+  port.Type = type.empty() ? PipelineText() : TextAt(d, type);
+  port.Place.File = d.File;
+  t->Inputs.push_back(port);
+  this->Commit("add port " + name);
+  return true;
+}
+
+bool EditDocument::AddTemplateOutput(
+  const std::string& scope, const std::string& name, const std::string& from, std::string& error)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineTemplate* t = this->EditTemplate(d, scope);
+  const auto named = [&name](const PipelinePort& p) { return p.Name.Value == name; };
+  if (!t || !IsPipelineName(name) || std::any_of(t->Inputs.begin(), t->Inputs.end(), named) ||
+      std::any_of(t->Outputs.begin(), t->Outputs.end(), named))
+  {
+    error = !t                      ? "this template belongs to another file"
+            : !IsPipelineName(name) ? Quoted(name) + " is no name: letters, digits, _ and -, beginning with a letter"
+                                    : "there is a port " + Quoted(name) + " already";
+    return false;
+  }
+  PipelinePort port;
+  port.Name = TextAt(d, name);
+  port.From = TextAt(d, from);
+  port.Place.File = d.File;
+  t->Outputs.push_back(port);
+  this->Commit("add port " + name);
+  return true;
+}
+
+bool EditDocument::RemoveTemplatePort(const std::string& scope, const std::string& name)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineTemplate* t = this->EditTemplate(d, scope);
+  if (!t)
+  {
+    return false;
+  }
+  const auto named = [&name](const PipelinePort& p) { return p.Name.Value == name; };
+  const auto input = std::find_if(t->Inputs.begin(), t->Inputs.end(), named);
+  const auto output = std::find_if(t->Outputs.begin(), t->Outputs.end(), named);
+  const auto drop = [](std::vector<PipelineInput>& inputs, const std::function<bool(const PipelineInput&)>& gone)
+  { inputs.erase(std::remove_if(inputs.begin(), inputs.end(), gone), inputs.end()); };
+  std::vector<std::vector<PipelineNode>*> scopes{ &d.Nodes };
+  for (PipelineTemplate& other : d.Templates)
+  {
+    scopes.push_back(&other.Nodes);
+  }
+  if (input != t->Inputs.end())
+  {
+    t->Inputs.erase(input);
+    for (PipelineNode& n : t->Nodes)
+    {
+      drop(n.Inputs, [&](const PipelineInput& i) { return i.From.Value == "@" + name; });
+    }
+    for (std::vector<PipelineNode>* nodes : scopes)
+    {
+      for (PipelineNode& n : *nodes)
+      {
+        if (n.IsInstance && n.Type.Value == scope)
+        {
+          drop(n.Inputs, [&](const PipelineInput& i) { return i.Port.Value == name; });
+        }
+      }
+    }
+  }
+  else if (output != t->Outputs.end() && t->Outputs.size() > 1)
+  {
+    t->Outputs.erase(output);
+    for (std::vector<PipelineNode>* nodes : scopes)
+    {
+      std::set<std::string> gone;
+      for (const PipelineNode& n : *nodes)
+      {
+        if (n.IsInstance && n.Type.Value == scope)
+        {
+          gone.insert(n.Id.Value + ":" + name);
+        }
+      }
+      for (PipelineNode& n : *nodes)
+      {
+        drop(n.Inputs, [&](const PipelineInput& i) { return gone.count(i.From.Value) != 0; });
+      }
+      for (PipelineOutput& o : d.Outputs)
+      {
+        if (nodes == &d.Nodes && gone.count(o.From.Value))
+        {
+          o.From = PipelineText();
+        }
+      }
+    }
+  }
+  else
+  {
+    return false; // no such port, or the only way out
+  }
+  this->DraftPositions.erase(PositionKey(scope, "port:" + name));
+  this->Commit("delete port " + name);
+  return true;
 }
 
 const std::vector<PipelineNode>& EditDocument::Nodes(const std::string& scope) const
@@ -1266,16 +1707,19 @@ std::string EditDocument::MakeVariable(
 {
   PipelineDocument& d = this->Begin();
   PipelineNode* node = this->EditNode(d, scope, box);
-  if (!node || !scope.empty())
+  PipelineTemplate* own = scope.empty() ? nullptr : this->EditTemplate(d, scope);
+  if (!node || (!scope.empty() && !own))
   {
     return {};
   }
+  std::vector<PipelineVariable>& variables = own ? own->Parameters : d.Variables;
   std::string stem = row.Name;
   stem[0] = char(std::tolower(static_cast<unsigned char>(stem[0])));
-  const auto taken = [&d](const std::string& name)
+  const auto taken = [&](const std::string& name)
   {
-    return std::any_of(
-      d.Variables.begin(), d.Variables.end(), [&name](const PipelineVariable& v) { return v.Name.Value == name; });
+    const auto named = [&name](const PipelineVariable& v) { return v.Name.Value == name; };
+    return std::any_of(variables.begin(), variables.end(), named) ||
+           std::any_of(d.Variables.begin(), d.Variables.end(), named);
   };
   std::string name = stem;
   for (int i = 2; taken(name); ++i)
@@ -1295,7 +1739,7 @@ std::string EditDocument::MakeVariable(
     v.Doc = TextAt(d, row.Doc);
   }
   v.Place.File = d.File;
-  d.Variables.push_back(v);
+  variables.push_back(v);
   const auto named = [&row](const PipelineProperty& p) { return p.Name.Value == row.Name; };
   auto at = std::find_if(node->Properties.begin(), node->Properties.end(), named);
   if (at == node->Properties.end())

@@ -107,11 +107,27 @@ public:
   bool SetVariable(const std::string& name, const std::string& value, bool merge = false);
   bool AddVariable(const std::string& name, const std::string& type, const std::string& value, std::string& error);
   bool RemoveVariable(const std::string& name);
-  /// A variable of that type with the property's value, which the property then reads. Returns its name.
+  /// A variable of that type with the property's value, which the property then reads; in a template a parameter of
+  /// it. Returns its name.
   std::string MakeVariable(
     const std::string& scope, const std::string& box, const Property& row, const std::string& value);
   /// The templates of another file; a path is seen from this one's directory. True when it is included already.
   bool AddInclude(const std::string& file, std::string& error);
+  ///@{ Templates of this file
+  /// Puts nodes of the pipeline into a template of their own with an instance in their place; links that cross become
+  /// ports. `typeOf(from)`: the kind of what a link reads, empty where it is not known. Returns the instance's name.
+  std::string MakeTemplate(const std::vector<std::string>& boxes, const std::string& name,
+    const std::function<std::string(const std::string&)>& typeOf, std::string& error);
+  /// A copy of a template of an included file, in this one, where it can be edited; all instances become its. Returns
+  /// its name.
+  std::string AdoptTemplate(const std::string& name, std::string& error);
+  bool AddTemplateInput(const std::string& scope, const std::string& name, const std::string& type, std::string& error);
+  /// Without `from` the port is to be connected.
+  bool AddTemplateOutput(
+    const std::string& scope, const std::string& name, const std::string& from, std::string& error);
+  /// With the links that use it, in the template and at its instances.
+  bool RemoveTemplatePort(const std::string& scope, const std::string& name);
+  ///@}
   void SetTime(const std::string& first, const std::string& count, const std::string& rate);
   std::string AddOutput(const std::string& from, double x, double y);
   /// Attributes "file", "view", "display", "from".
@@ -145,6 +161,9 @@ private:
   void Commit(const std::string& label, const std::string& mergeKey = std::string());
   std::vector<PipelineNode>* EditNodes(PipelineDocument& d, const std::string& scope) const;
   PipelineNode* EditNode(PipelineDocument& d, const std::string& scope, const std::string& id) const;
+  PipelineTemplate* EditTemplate(PipelineDocument& d, const std::string& name) const;
+  std::string FreeTemplateName(const std::string& hint) const;
+  void Locate();
   void Place(const std::string& scope, const std::string& box, double x, double y);
   void MovePaths(const std::string& directory);
 

@@ -112,12 +112,14 @@ struct RenderSession::Internals
   mutable std::condition_variable Changed;
   bool Quit = false, Stopped = false;
   ViewWish Wanted;
-  std::uint64_t Serial = 0, DoneSerial = 0;
+  std::uint64_t Serial = 0, DoneSerial = 0, Serving = 0;
   std::shared_ptr<const ViewFrame> Frame;
   std::shared_ptr<const ViewCheck> Check;
+  std::string WeighNode;
+  int WeighX = 0, WeighY = 0;
+  std::shared_ptr<const ViewWeights> Weighed;
   ViewProgress State;
   Clock::time_point Began;
-  double LastSeconds = 0;
   std::function<void()> Notify;
   std::thread Thread;
 
@@ -152,6 +154,52 @@ struct RenderSession::Internals
         return stage && at != this->Complete.end() && at->second.first == tick &&
                at->second.second == stage->GetMTime();
       });
+  }
+
+  /// With the mutex held: weights are asked for that are not those there are.
+  bool WantsWeights() const
+  {
+    if (this->WeighNode.empty() || !this->Frame || !this->Frame->Ok)
+    {
+      return false;
+    }
+    const ViewWeights* w = this->Weighed.get();
+    return !w || w->Frame != this->Frame->Number || w->Node != this->WeighNode || w->X != this->WeighX ||
+           w->Y != this->WeighY;
+  }
+
+  void ServeWeights()
+  {
+    auto w = std::make_shared<ViewWeights>();
+    {
+      std::lock_guard<std::mutex> lock(this->Mutex);
+      if (!this->WantsWeights())
+      {
+        return;
+      }
+      w->Frame = this->Frame->Number;
+      w->Node = this->WeighNode;
+      w->X = this->WeighX;
+      w->Y = this->WeighY;
+    }
+    vtkQuellStage* stage = this->Executor ? this->Executor->GetStage(w->Node) : nullptr;
+    if (!stage)
+    {
+      w->Error = "there is no node " + Quoted(w->Node);
+    }
+    else if (!stage->CanWeigh())
+    {
+      w->Error = w->Node + " is no filter that weighs pixels";
+    }
+    else
+    {
+      stage->WeighPixel(w->X, w->Y, w->Weights, w->Error);
+    }
+    {
+      std::lock_guard<std::mutex> lock(this->Mutex);
+      this->Weighed = w;
+    }
+    this->Wake();
   }
 
   bool Superseded(std::uint64_t serial) const
@@ -456,10 +504,6 @@ struct RenderSession::Internals
   {
     {
       std::lock_guard<std::mutex> lock(this->Mutex);
-      if (frame->Ok)
-      {
-        this->LastSeconds = frame->Seconds;
-      }
       this->Frame = std::move(frame);
     }
     this->Wake();
@@ -509,7 +553,9 @@ struct RenderSession::Internals
     }
     for (const NodeCounters& c : this->Executor->Counters())
     {
-      ViewFrame::Node n{ c.Path, c.Type, c.Counters, 0 };
+      ViewFrame::Node n{ c.Path, c.Type, c.Counters, 0, false };
+      const vtkQuellStage* stage = this->Executor->GetStage(c.Path);
+      n.Weighs = stage && stage->CanWeigh();
       const StageCounters& b = before[c.Path];
       n.Counters.Executions -= b.Executions;
       n.Counters.Pixels -= b.Pixels;
@@ -746,13 +792,22 @@ struct RenderSession::Internals
         std::unique_lock<std::mutex> lock(this->Mutex);
         this->State = ViewProgress();
         this->Changed.notify_all();
-        this->Changed.wait(lock, [this] { return this->Quit || (!this->Stopped && this->Serial != this->DoneSerial); });
+        this->Changed.wait(lock, [this]
+          { return this->Quit || (!this->Stopped && this->Serial != this->DoneSerial) || this->WantsWeights(); });
         if (this->Quit)
         {
           return;
         }
+        if (this->Stopped || this->Serial == this->DoneSerial)
+        {
+          this->State.Busy = true;
+          this->Began = Clock::now();
+          lock.unlock();
+          this->ServeWeights();
+          continue;
+        }
         wish = this->Wanted;
-        serial = this->Serial;
+        serial = this->Serving = this->Serial;
         this->Token->Reset();
         this->State.Busy = true;
         this->Began = Clock::now();
@@ -808,14 +863,37 @@ std::uint64_t RenderSession::Wish(const ViewWish& wish)
     in.Wanted = wish;
     in.Stopped = false;
     serial = ++in.Serial;
-    // A short frame may end, so that a slider that is dragged shows something on the way.
-    if (in.State.Busy && (wish.Hurry || in.LastSeconds > 0.4 || in.LastSeconds <= 0))
+    // What a hand drags (a slider, the camera) may only give up a frame that has shown something already: else a stream
+    // of wishes would keep every frame from its end.
+    if (in.State.Busy && (wish.Hurry || (in.Frame && in.Frame->Serial == in.Serving)))
     {
       in.Token->Cancel();
     }
   }
   this->Internal->Changed.notify_all();
   return serial;
+}
+
+void RenderSession::Weigh(const std::string& node, int x, int y)
+{
+  {
+    std::lock_guard<std::mutex> lock(this->Internal->Mutex);
+    Internals& in = *this->Internal;
+    if (in.WeighNode == node && in.WeighX == x && in.WeighY == y)
+    {
+      return;
+    }
+    in.WeighNode = node;
+    in.WeighX = x;
+    in.WeighY = y;
+  }
+  this->Internal->Changed.notify_all();
+}
+
+std::shared_ptr<const ViewWeights> RenderSession::Weights() const
+{
+  std::lock_guard<std::mutex> lock(this->Internal->Mutex);
+  return this->Internal->Weighed;
 }
 
 void RenderSession::Cancel()
@@ -852,7 +930,7 @@ bool RenderSession::Idle() const
 {
   std::lock_guard<std::mutex> lock(this->Internal->Mutex);
   const Internals& in = *this->Internal;
-  return !in.State.Busy && (in.Stopped || in.Serial == in.DoneSerial);
+  return !in.State.Busy && (in.Stopped || in.Serial == in.DoneSerial) && !in.WantsWeights();
 }
 
 bool RenderSession::WaitIdle(double seconds) const
@@ -860,7 +938,7 @@ bool RenderSession::WaitIdle(double seconds) const
   std::unique_lock<std::mutex> lock(this->Internal->Mutex);
   const Internals& in = *this->Internal;
   return in.Changed.wait_for(lock, std::chrono::duration<double>(seconds),
-    [&in] { return !in.State.Busy && (in.Stopped || in.Serial == in.DoneSerial); });
+    [&in] { return !in.State.Busy && (in.Stopped || in.Serial == in.DoneSerial) && !in.WantsWeights(); });
 }
 
 void RenderSession::SetNotify(std::function<void()> notify)

@@ -49,7 +49,7 @@ struct ViewWish
   double PlayRate = 0;     ///< frames a second at most; 0: as fast as it goes
   bool Progressive = true; ///< frames of many samples are shown on the way; the last one has the bits of one go
   bool Refine = false;     ///< go on beyond the pipeline's samples while nothing else is to be done
-  bool Hurry = true;       ///< what runs is given up for this; else a short frame may end first
+  bool Hurry = true;       ///< what runs is given up for this; else it may show something first
   bool Paused = false;
   /// Live camera, world from camera; a frame per change, time stands still, the history goes on. Empty: the scene's.
   std::optional<Mat4> Camera;
@@ -75,6 +75,7 @@ struct ViewFrame
     std::string Path, Type;
     StageCounters Counters; ///< of this frame; Held: at its end
     double Bytes = 0;       ///< of the arrays that it has
+    bool Weighs = false;    ///< RenderSession::Weigh has an answer
   };
   std::vector<Node> Nodes;           ///< in execution order
   double Seconds = 0;                ///< of RunTick
@@ -84,6 +85,16 @@ struct ViewFrame
 
   /// The image array; null where the frame does not have it.
   vtkImageData* Image(const std::string& node) const;
+};
+
+/// What a filter made a pixel of.
+struct ViewWeights
+{
+  std::uint64_t Frame = 0; ///< ViewFrame::Number
+  std::string Node;
+  int X = 0, Y = 0; ///< frame coordinates
+  PixelWeights Weights;
+  std::string Error; ///< why there are none
 };
 
 /// State of the work, for progress bars.
@@ -119,6 +130,9 @@ public:
 
   /// Returns the wish's serial.
   std::uint64_t Wish(const ViewWish& wish);
+  /// Asks for the weights of a pixel of the newest frame, again whenever there is a newer one; no node: not any more.
+  void Weigh(const std::string& node, int x, int y);
+  std::shared_ptr<const ViewWeights> Weights() const; ///< null before the first
   /// Gives up what runs and waits for another wish.
   void Cancel();
   std::shared_ptr<const ViewFrame> Latest() const; ///< null before the first

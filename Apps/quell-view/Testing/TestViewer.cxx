@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The viewer with its window, driven through VTK's interactor as a mouse and a keyboard would.
 #include "AllStages.h"
+#include "quellClipboard.h"
 #include "quellImageFile.h"
 #include "quellMetrics.h"
 #include "quellPipelineReader.h"
@@ -74,6 +75,7 @@ protected:
   void Start(int width, int height, double scale = 1, Viewer::Options options = {})
   {
     Window::Options w;
+    w.SharesClipboard = this->Shares;
     w.OffScreen = true;
     w.Width = width;
     w.Height = height;
@@ -118,6 +120,7 @@ protected:
   }
 
   fs::path Top, Back;
+  bool Shares = false; ///< the clipboard, with other programs
   Script Empty;
   std::unique_ptr<Window> Win;
   std::unique_ptr<Viewer> View;
@@ -511,6 +514,127 @@ TEST_F(Viewing, WhatIsRecordedReplays)
   EXPECT_FALSE(runner.Do("click nothing/here", error));
 }
 
+TEST_F(Viewing, APixelTellsItsWeights)
+{
+  Viewer::Options o = Small();
+  o.Show = "sum";
+  this->Start(1300, 900, 1, o);
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  this->Do("wait\nclick tab/Pixel\nwait\nclick image@0.5,0.5\nwait\nframes 3\n");
+  ASSERT_TRUE(this->Has("weights"));
+  const auto w = this->View->Weights();
+  ASSERT_TRUE(w);
+  EXPECT_EQ(w->Node, "blur") << "the nearest filter behind what is shown";
+  EXPECT_EQ(w->Error, "");
+  double sum = 0;
+  for (float v : w->Weights.Parts.at(0).Weights)
+  {
+    sum += double(v);
+  }
+  EXPECT_NEAR(sum, 1, 1e-5);
+  // The pinned pixel's, whatever the mouse does; another filter setting makes other ones.
+  this->Do("move weights@0.3,0.3\nframes 2\nwait\n");
+  EXPECT_EQ(this->View->Weights(), w);
+  this->View->Document().SetProperty("", "blur", "SigmaSpatial", "0.6");
+  this->Do("wait\nframes 2\n");
+  ASSERT_TRUE(this->View->Weights());
+  EXPECT_GT(this->View->Weights()->Weights.Parts.at(0).At(w->X, w->Y), w->Weights.Parts.at(0).At(w->X, w->Y));
+}
+
+TEST_F(Viewing, TwoParameterSetsStandSideBySide)
+{
+  Viewer::Options o = Small();
+  o.Show = "sum";
+  this->Start(1300, 900, 1, o);
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  EditDocument& d = this->View->Document();
+  this->Do("wait\nmove image\nkey p\nwait\n");
+  const auto before = d.Get();
+  ASSERT_TRUE(this->View->Pictures());
+  EXPECT_EQ(this->View->Pictures()->A.Rgba, this->View->Pictures()->B.Rgba);
+  const std::vector<std::uint8_t> old = this->View->Pictures()->A.Rgba;
+  d.SetProperty("", "blur", "SigmaSpatial", "4");
+  d.SetProperty("", "blur", "SigmaRange", "5");
+  this->Do("wait\n");
+  EXPECT_EQ(this->View->Pictures()->B.Rgba, old) << "set B stays";
+  EXPECT_NE(this->View->Pictures()->A.Rgba, old);
+  const std::vector<std::uint8_t> changed = this->View->Pictures()->A.Rgba;
+  // Both on another node, then A and B changed over.
+  this->Do("click node/blur\nwait\n");
+  EXPECT_NE(this->View->Pictures()->A.Rgba, this->View->Pictures()->B.Rgba);
+  EXPECT_NE(this->View->Pictures()->B.Rgba, old);
+  this->Do("click node/sum\nwait\nclick image/swap\nwait\n");
+  EXPECT_EQ(*d.Get(), *before);
+  EXPECT_EQ(this->View->Pictures()->A.Rgba, old);
+  EXPECT_EQ(this->View->Pictures()->B.Rgba, changed);
+  this->Do("move image\nkey z ctrl\nwait\n");
+  EXPECT_EQ(this->View->Pictures()->A.Rgba, changed);
+}
+
+TEST_F(Viewing, TemplatesAreMadeOpenedAndGivenPorts)
+{
+  this->Start(1300, 1000, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  EditDocument& d = this->View->Document();
+  this->Do("wait\nclick node/blur\nkey g ctrl\nframes 3\nkey a ctrl\ntype soft\nkey Return\nwait\n");
+  ASSERT_TRUE(d.FindTemplate("soft"));
+  EXPECT_TRUE(d.FindNode("", "soft"));
+  EXPECT_EQ(this->View->ErrorText(), "");
+  this->Do("click node/soft double\nframes 3\nwait\n");
+  EXPECT_TRUE(this->Has("graph/up"));
+  EXPECT_TRUE(this->Has("node/blur"));
+  this->Do("click tab/Node\nmove graph@0.02,0.98\nclick graph@0.02,0.98\nframes 2\nclick port/name\ntype "
+           "mask\nclick port/add-input\nframes 3\n");
+  EXPECT_EQ(d.FindTemplate("soft")->Inputs.back().Name.Value, "mask");
+  this->Do("click port/delete/mask\nframes 3\n");
+  EXPECT_NE(d.FindTemplate("soft")->Inputs.back().Name.Value, "mask");
+  this->Do("click graph/up\nwait\n");
+  EXPECT_EQ(this->View->ErrorText(), "");
+  // One of the library is copied before it is changed.
+  this->Start(1300, 1000, 1, Small());
+  ASSERT_TRUE(this->View->Open("svgf.xml"));
+  this->Do("wait\nclick node/direct double\nframes 3\nclick tab/Node\nclick template/adopt\nwait\n");
+  EXPECT_TRUE(this->View->Document().IsEditable("svgf2"));
+  EXPECT_EQ(this->View->Document().FindNode("", "indirect")->Type.Value, "svgf2");
+  EXPECT_EQ(this->View->ErrorText(), "");
+  // The library itself can be opened: its first template is.
+  this->Start(1300, 1000, 1, Small());
+  ASSERT_TRUE(this->View->Open("library.xml"));
+  this->Do("frames 4\n");
+  EXPECT_TRUE(this->Has("graph/up"));
+  EXPECT_TRUE(this->Has("pipeline/template/svgf"));
+}
+
+TEST_F(Viewing, NodesTravelOverTheClipboardOfX)
+{
+  Clipboard other, third;
+  ASSERT_TRUE(other.IsShared());
+  // Large texts go in pieces, from one program's connection to another's.
+  std::string large;
+  for (int i = 0; large.size() < 700000; ++i)
+  {
+    large += std::to_string(i) + " \u00e4\n";
+  }
+  other.Set(large);
+  EXPECT_TRUE(third.Get() == large);
+  EXPECT_TRUE(other.Get() == large) << "from oneself, too";
+  third.Set("short");
+  EXPECT_EQ(other.Get(), "short");
+
+  this->Shares = true;
+  this->Start(1300, 1000, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  this->Do("wait\nclick node/blur\nkey c ctrl\n");
+  EXPECT_NE(other.Get().find("<node id=\"blur\" type=\"BilateralFilter\">"), std::string::npos);
+  other.Set("<node id=\"clamp\" type=\"FireflyClamp\"/>");
+  this->Do("move graph@0.5,0.9\nkey v ctrl\n");
+  EXPECT_TRUE(this->View->Document().FindNode("", "clamp"));
+  other.Set("no XML at all");
+  const auto before = this->View->Document().Get();
+  this->Do("key v ctrl\n");
+  EXPECT_EQ(this->View->Document().Get(), before);
+}
+
 // Pictures of the window against those that were looked at. By FLIP: text and lines may move by less than one sees.
 class Baselines : public Viewing
 {
@@ -609,9 +733,9 @@ TEST_F(Viewing, SurvivesAThousandRandomEvents)
   this->Start(900, 620, 1, o);
   ASSERT_TRUE(this->View->Open("svgf.xml"));
   const std::vector<std::string> keys{ "Tab", "Escape", "Delete", "F1", "F2", "Return", "space", "Left", "Right",
-    "Home", "End", "l", "a", "f", "1", "w", "x", "d", "k", "c", "h", "r", "plus", "minus", "BackSpace", "Up", "Down",
-    "0" };
-  const std::vector<std::string> chords{ "z", "y", "c", "v", "d", "a", "n", "x" };
+    "Home", "End", "l", "a", "f", "1", "w", "x", "d", "k", "p", "c", "h", "r", "plus", "minus", "BackSpace", "Up",
+    "Down", "0" };
+  const std::vector<std::string> chords{ "z", "y", "c", "v", "d", "a", "n", "x", "g" };
   for (int i = 0; i < 1000; ++i)
   {
     WindowEvent e;

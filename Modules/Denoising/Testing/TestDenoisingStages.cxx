@@ -966,3 +966,132 @@ TEST(NonLocalStages, RegressionTakesTheBetterWidthPixelByPixel)
   EXPECT_LT(both[0], 0.5 * (wide[0] + narrow[0]));
   EXPECT_LT(both[1], 0.5 * (wide[1] + narrow[1]));
 }
+
+namespace
+{
+/// What WeighPixel says of a pixel, multiplied out again.
+std::array<double, 3> Weighed(const quell::PixelWeights& weights, const quell::ImageIn& input)
+{
+  std::array<double, 3> sum{};
+  for (const quell::PixelWeights::Part& part : weights.Parts)
+    for (int y = part.Window.y0; y < part.Window.y1; ++y)
+      for (int x = part.Window.x0; x < part.Window.x1; ++x)
+        for (int c = 0; c < 3; ++c)
+          if (const float w = part.At(x, y))
+            sum[std::size_t(c)] += double(w) * double(input.at(x, y)[c]);
+  return sum;
+}
+
+quell::ImageIn ViewOf(vtkImageData* image, const char* array)
+{
+  vtkDataArray* a = image->GetPointData()->GetArray(array);
+  const int* e = image->GetExtent();
+  return a ? quell::ImageIn(static_cast<float*>(a->GetVoidPointer(0)), a->GetNumberOfComponents(),
+               { e[0], e[2], e[1] + 1, e[3] + 1 })
+           : quell::ImageIn();
+}
+
+void ExpectWeightsMakePixels(vtkQuellStage* filter, vtkQuellNoisyFrame* source, const char* what)
+{
+  SCOPED_TRACE(what);
+  ASSERT_TRUE(filter->CanWeigh());
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(filter, { "radiance" });
+  ASSERT_TRUE(sink->UpdateTick(0)) << filter->GetErrorText();
+  const quell::ImageIn in = ViewOf(source->GetOutput(), "radiance"), out = ViewOf(filter->GetOutput(), "radiance");
+  ASSERT_TRUE(in && out);
+  const int w = source->GetWidth(), h = source->GetHeight();
+  const std::pair<int, int> pixels[] = { { 0, 0 }, { w - 1, 0 }, { w / 2, h / 2 }, { w / 2 + 1, h / 3 }, { 7, h - 1 },
+    { w - 2, h - 2 }, { 20, 11 } };
+  for (const auto& p : pixels)
+  {
+    quell::PixelWeights weights;
+    std::string error;
+    ASSERT_TRUE(filter->WeighPixel(p.first, p.second, weights, error)) << error;
+    ASSERT_EQ(weights.Parts.size(), 1u);
+    double sum = 0;
+    for (float v : weights.Parts[0].Weights)
+      sum += double(v);
+    EXPECT_NEAR(sum, 1, 2e-6) << p.first << ", " << p.second;
+    const std::array<double, 3> made = Weighed(weights, in);
+    for (int c = 0; c < 3; ++c)
+      EXPECT_NEAR(made[std::size_t(c)], double(out.at(p.first, p.second)[c]),
+        1e-5 * double(out.at(p.first, p.second)[c]))
+        << p.first << ", " << p.second << " channel " << c;
+  }
+  quell::PixelWeights none;
+  std::string error;
+  EXPECT_FALSE(filter->WeighPixel(w, 0, none, error));
+  EXPECT_NE(error.find("not in the frame"), std::string::npos) << error;
+}
+}
+
+// The viewer shows what a pixel is made of: those weights times the input are the output.
+TEST(PixelWeights, MakeThePixelOfABilateralFilter)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  vtkNew<vtkQuellBilateralFilter> alone, guided, featured;
+  alone->ConnectInput("radiance", source);
+  alone->SetRadius(3);
+  ExpectWeightsMakePixels(alone, source, "colour alone");
+  for (const char* port : { "radiance", "depth", "normal", "albedo", "id" })
+    guided->ConnectInput(port, source);
+  ExpectWeightsMakePixels(guided, source, "guides");
+  featured->ConnectInput("radiance", source);
+  featured->ConnectInput("guide", source, "roughness");
+  featured->SetRange(2);
+  featured->SetRadius(9);
+  ExpectWeightsMakePixels(featured, source, "a further feature, wide");
+}
+
+TEST(PixelWeights, MakeThePixelOfAllPassesOfATrous)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  for (int passes : { 0, 1, 3, 5 })
+  {
+    vtkNew<vtkQuellATrousFilter> filter;
+    for (const char* port : { "radiance", "variance", "depth", "normal", "id" })
+      filter->ConnectInput(port, source);
+    filter->SetIterations(passes);
+    ExpectWeightsMakePixels(filter, source, ("passes " + std::to_string(passes)).c_str());
+  }
+  vtkNew<vtkQuellATrousFilter> plain;
+  plain->ConnectInput("radiance", source);
+  plain->SetIterations(4);
+  ExpectWeightsMakePixels(plain, source, "without guides and variance");
+}
+
+TEST(PixelWeights, AreThoseOfTheMatrix)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  vtkNew<vtkQuellKernelFilter> filter;
+  filter->ConnectInput("radiance", source);
+  filter->SetKernel(3); // Gaussian
+  filter->SetSigma(1.5);
+  ExpectWeightsMakePixels(filter, source, "Gaussian");
+  filter->SetKernel(4);
+  filter->SetMatrix("1 2 3; 4 5 6; 7 8 10");
+  ExpectWeightsMakePixels(filter, source, "Matrix");
+  quell::PixelWeights weights;
+  std::string error;
+  ASSERT_TRUE(filter->WeighPixel(20, 20, weights, error)) << error;
+  // The first row written is the one on top.
+  EXPECT_NEAR(weights.Parts[0].At(19, 21), 1. / 46, 1e-7);
+  EXPECT_NEAR(weights.Parts[0].At(21, 19), 10. / 46, 1e-7);
+  EXPECT_EQ(weights.Parts[0].At(23, 19), 0);
+}
+
+TEST(PixelWeights, OthersSaySo)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  vtkNew<vtkQuellSum> sum;
+  sum->ConnectInput("radiance", source);
+  vtkNew<vtkQuellCollector> sink;
+  sink->AddRequest(sum, { "radiance" });
+  ASSERT_TRUE(sink->UpdateTick(0));
+  EXPECT_FALSE(sum->CanWeigh());
+  quell::PixelWeights weights;
+  std::string error;
+  EXPECT_FALSE(sum->WeighPixel(1, 1, weights, error));
+  EXPECT_EQ(error, "this stage has no weights to show");
+}

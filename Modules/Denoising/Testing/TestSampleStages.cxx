@@ -170,3 +170,54 @@ TEST(SampleStages, SteeredWidthIsAnOutput)
   ASSERT_TRUE(sink->UpdateTick(0));
   EXPECT_EQ(Read(filter, "radiance"), Read(source, "radiance"));
 }
+
+// What WeighPixel says of a pixel, multiplied out: the pixel. Of three samples each is a part of its own.
+TEST(SampleStages, WeightsOfAllSamplesMakeThePixel)
+{
+  for (const bool demodulate : { false, true })
+  {
+    std::vector<vtkSmartPointer<vtkQuellWallSample>> samples;
+    vtkNew<vtkQuellSampleFilter> filter;
+    filter->SetRadius(2);
+    filter->SetDemodulate(demodulate);
+    for (int s = 0; s < 3; ++s)
+    {
+      samples.push_back(vtkSmartPointer<vtkQuellWallSample>::New());
+      samples.back()->SetSample(s);
+      for (const char* port : { "radiance", "albedo", "id" })
+        filter->ConnectInput(port, samples.back());
+    }
+    vtkNew<vtkQuellCollector> sink;
+    sink->AddRequest(filter, { "radiance" });
+    ASSERT_TRUE(sink->UpdateTick(0)) << filter->GetErrorText();
+    const std::vector<float> out = Read(filter, "radiance");
+    for (const auto& p : { std::make_pair(0, 0), std::make_pair(22, 20), std::make_pair(Width - 1, 7) })
+    {
+      quell::PixelWeights weights;
+      std::string error;
+      ASSERT_TRUE(filter->WeighPixel(p.first, p.second, weights, error)) << error;
+      ASSERT_EQ(weights.Parts.size(), 3u);
+      EXPECT_EQ(weights.Parts[2].Input, demodulate ? "radiance / albedo 3" : "radiance 3");
+      for (int c = 0; c < 3; ++c)
+      {
+        double sum = 0;
+        for (int s = 0; s < 3; ++s)
+        {
+          std::vector<float> in = Read(samples[std::size_t(s)], "radiance");
+          const std::vector<float> albedo = Read(samples[std::size_t(s)], "albedo");
+          for (std::size_t k = 0; k < in.size() && demodulate; ++k)
+            in[k] /= albedo[k];
+          const quell::PixelWeights::Part& part = weights.Parts[std::size_t(s)];
+          for (int y = part.Window.y0; y < part.Window.y1; ++y)
+            for (int x = part.Window.x0; x < part.Window.x1; ++x)
+              sum += double(part.At(x, y)) * double(in[(std::size_t(y) * Width + std::size_t(x)) * 3 + std::size_t(c)]);
+        }
+        const std::size_t at = (std::size_t(p.second) * Width + std::size_t(p.first)) * 3 + std::size_t(c);
+        // All three saw the same surface here.
+        const double own = demodulate ? double(Read(samples[0], "albedo")[at]) : 1.;
+        const double made = double(out[at]) / own;
+        EXPECT_NEAR(sum, made, 1e-5 * made) << p.first << ", " << p.second << " channel " << c;
+      }
+    }
+  }
+}

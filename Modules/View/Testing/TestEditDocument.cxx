@@ -294,6 +294,144 @@ TEST(EditDocument, WhatCannotBeOpenedChangesNothing)
 }
 
 // Whatever is done, the text reads back as the document, undo leads back to the first byte, and nothing falls over.
+TEST(EditDocument, SelectedNodesBecomeATemplate)
+{
+  EditDocument d = Opened("quick.xml");
+  const auto before = d.Get();
+  std::string error;
+  EXPECT_EQ(d.MakeTemplate({ "demodulate", "modulate" }, "soft", nullptr, error), "");
+  EXPECT_NE(error.find("\"blur\" lies between them"), std::string::npos) << error;
+  EXPECT_EQ(d.MakeTemplate({ "blur" }, "2 words", nullptr, error), "");
+  EXPECT_EQ(d.MakeTemplate({}, "soft", nullptr, error), "");
+  EXPECT_EQ(d.Get(), before);
+
+  std::vector<std::string> asked;
+  const std::string id = d.MakeTemplate(
+    { "demodulate", "blur", "modulate" }, "soft",
+    [&](const std::string& from)
+    {
+      asked.push_back(from);
+      return from == "pt:depth" ? "depth" : "";
+    },
+    error);
+  ASSERT_EQ(id, "soft") << error;
+  EXPECT_EQ(Errors(d), 0);
+  const PipelineTemplate* t = d.FindTemplate("soft");
+  ASSERT_TRUE(t && d.IsEditable("soft"));
+  EXPECT_EQ(t->Nodes.size(), 3u);
+  EXPECT_EQ(t->Outputs.size(), 1u);
+  EXPECT_EQ(t->Inputs.size(), asked.size()) << "a port for each thing that is read, once";
+  EXPECT_EQ(d.FindNode("", id)->Inputs.size(), t->Inputs.size());
+  EXPECT_FALSE(d.FindNode("", "blur"));
+  EXPECT_TRUE(d.FindNode("soft", "blur"));
+  for (const PipelineNode& n : t->Nodes)
+  {
+    for (const PipelineInput& i : n.Inputs)
+    {
+      EXPECT_TRUE(i.From.Value[0] == '@' || d.FindNode("soft", i.From.Value.substr(0, i.From.Value.find(':'))));
+    }
+  }
+  d.Undo();
+  EXPECT_EQ(*d.Get(), *before);
+  // What nobody reads yet leads out of it all the same.
+  EditDocument alone(&Registry());
+  alone.AddNode("", "PathTraceSource", 0, 0, "pt");
+  ASSERT_NE(alone.MakeTemplate({ "pt" }, "source", nullptr, error), "") << error;
+  EXPECT_EQ(alone.FindTemplate("source")->Outputs.at(0).From.Value, "pt");
+}
+
+TEST(EditDocument, ATemplateOfAnotherFileIsCopiedAndGetsPorts)
+{
+  EditDocument d = Opened("svgf.xml");
+  std::string error;
+  EXPECT_FALSE(d.IsEditable("svgf"));
+  EXPECT_FALSE(d.AddTemplateInput("svgf", "more", "color", error));
+  const std::string own = d.AdoptTemplate("svgf", error);
+  ASSERT_EQ(own, "svgf2") << error;
+  EXPECT_TRUE(d.IsEditable(own));
+  EXPECT_EQ(d.FindNode("", "direct")->Type.Value, own);
+  EXPECT_EQ(d.FindNode("", "indirect")->Type.Value, own);
+  EXPECT_EQ(Errors(d), 0);
+  EXPECT_EQ(d.AdoptTemplate(own, error), "");
+
+  ASSERT_TRUE(d.AddTemplateInput(own, "more", "scalar", error)) << error;
+  EXPECT_FALSE(d.AddTemplateInput(own, "more", "scalar", error));
+  EXPECT_NE(error.find("already"), std::string::npos);
+  EXPECT_FALSE(d.AddTemplateOutput(own, "no name", "", error));
+  ASSERT_TRUE(d.AddTemplateOutput(own, "variance", "atrous:variance", error)) << error;
+  Diagnostics messages;
+  const auto built = BuildGraph(d.Get(), Registry(), {}, messages);
+  // The new input is not connected yet, and that is said of the instances.
+  EXPECT_GT(messages.ErrorCount(), 0);
+  ASSERT_TRUE(d.RemoveTemplatePort(own, "more"));
+  EXPECT_EQ(Errors(d), 0);
+  ASSERT_TRUE(d.Connect("", "direct:variance", "sum", "radiance", false, true, error)) << error;
+  ASSERT_TRUE(d.RemoveTemplatePort(own, "variance"));
+  for (const PipelineInput& i : d.FindNode("", "sum")->Inputs)
+  {
+    EXPECT_NE(i.From.Value, "direct:variance");
+  }
+  EXPECT_FALSE(d.RemoveTemplatePort(own, "out")) << "the only way out";
+  // A property of a node in it becomes a parameter of it.
+  const StageDescription* atrous = Registry().Describe("ATrousFilter");
+  ASSERT_TRUE(atrous);
+  const std::string name = d.MakeVariable(own, "atrous", *atrous->FindProperty("SigmaDepth"), "1");
+  EXPECT_EQ(name, "sigmaDepth");
+  EXPECT_EQ(d.FindTemplate(own)->Parameters.back().Name.Value, "sigmaDepth");
+  EXPECT_EQ(d.FindProperty(own, "atrous", "SigmaDepth")->Value, "$(sigmaDepth)");
+  EXPECT_EQ(Errors(d), 0);
+}
+
+// Lines in messages are those of the text as it would be saved now.
+TEST(EditDocument, MistakesHaveTheirLinesAfterEdits)
+{
+  EditDocument d = Opened("quick.xml");
+  std::string error;
+  const auto lineOf = [&](const std::string& what)
+  {
+    std::istringstream text(d.Text());
+    int n = 0;
+    for (std::string line; std::getline(text, line);)
+    {
+      ++n;
+      if (line.find(what) != std::string::npos)
+      {
+        return n;
+      }
+    }
+    return -1;
+  };
+  const auto reported = [&]
+  {
+    Diagnostics messages;
+    BuildGraph(d.Get(), Registry(), {}, messages);
+    EXPECT_EQ(messages.ErrorCount(), 1) << messages.ToText();
+    return messages.All().empty() ? -2 : messages.All().front().Place.Line;
+  };
+  d.SetProperty("", "blur", "SigmaRange", "-1");
+  const int first = reported();
+  EXPECT_EQ(first, lineOf("\"-1\""));
+  for (const char* name : { "one", "two", "three" })
+  {
+    ASSERT_TRUE(d.AddVariable(name, "int", "1", error)) << error;
+  }
+  EXPECT_EQ(reported(), first + 3);
+  EXPECT_EQ(reported(), lineOf("\"-1\""));
+  d.Undo();
+  EXPECT_EQ(reported(), lineOf("\"-1\""));
+  // In a pipeline that was never saved, too.
+  EditDocument fresh(&Registry());
+  fresh.AddNode("", "PathTraceSource", 0, 0, "pt");
+  fresh.AddNode("", "BilateralFilter", 0, 0, "soft");
+  Diagnostics messages;
+  BuildGraph(fresh.Get(), Registry(), {}, messages);
+  ASSERT_GT(messages.ErrorCount(), 0);
+  for (const Diagnostic& m : messages.All())
+  {
+    EXPECT_GT(m.Place.Line, 0) << m.ToText();
+  }
+}
+
 TEST(EditDocument, AThousandRandomEdits)
 {
   std::mt19937 random(20260101);

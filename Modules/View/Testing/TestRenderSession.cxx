@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "AllStages.h"
 #include "quellDisplayMapping.h"
+#include "quellEditDocument.h"
 #include "quellImageFile.h"
 #include "quellPipelineExecutor.h"
 #include "quellPipelineReader.h"
@@ -11,11 +12,14 @@
 
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <set>
 #include <thread>
 
 namespace fs = std::filesystem;
@@ -419,4 +423,103 @@ TEST(RenderSession, ShowsWhatARunWrites)
   }
   EXPECT_EQ(different, 0);
   fs::remove_all(dir);
+}
+
+TEST(RenderSession, SaysWhatAPixelIsMadeOf)
+{
+  Fixture f;
+  f.Wish.Document = Read("quick.xml");
+  f.Wish.Options = Small(1);
+  f.Wish.Targets = { { "blur", "radiance" }, { "demodulate", "illumination" } };
+  f.Session.Weigh("blur", 12, 9);
+  const auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  const auto check = [&](const std::shared_ptr<const ViewFrame>& of)
+  {
+    const auto w = f.Session.Weights();
+    ASSERT_TRUE(w && w->Error.empty()) << (w ? w->Error : "none");
+    EXPECT_EQ(w->Frame, of->Number);
+    ASSERT_EQ(w->Weights.Parts.size(), 1u);
+    const std::vector<float> in = Values(of->Image("demodulate"), "illumination");
+    const std::vector<float> out = Values(of->Image("blur"), "radiance");
+    for (std::size_t c = 0; c < 3; ++c)
+    {
+      double sum = 0;
+      for (int y = 0; y < 32; ++y)
+      {
+        for (int x = 0; x < 40; ++x)
+        {
+          sum += double(w->Weights.Parts[0].At(x, y)) * double(in[std::size_t(3 * (40 * y + x)) + c]);
+        }
+      }
+      const double made = double(out[std::size_t(3 * (40 * w->Y + w->X)) + c]);
+      EXPECT_NEAR(sum, made, 1e-5 * std::max(1e-3, std::fabs(made)));
+    }
+  };
+  check(frame);
+  f.Session.Weigh("blur", 30, 2);
+  ASSERT_TRUE(f.Session.WaitIdle(20));
+  EXPECT_EQ(f.Session.Weights()->X, 30);
+  check(frame);
+  // A newer frame has newer weights, unasked.
+  auto edited = std::make_shared<PipelineDocument>(*f.Wish.Document);
+  for (PipelineNode& n : edited->Nodes)
+  {
+    for (PipelineProperty& p : n.Properties)
+    {
+      p.Value = n.Id.Value == "blur" && p.Name.Value == "SigmaSpatial" ? PipelineText("1") : p.Value;
+    }
+  }
+  f.Wish.Document = edited;
+  const auto after = f.Run();
+  ASSERT_TRUE(after->Ok) << after->Error;
+  check(after);
+  f.Session.Weigh("pt", 1, 1);
+  ASSERT_TRUE(f.Session.WaitIdle(20));
+  EXPECT_NE(f.Session.Weights()->Error.find("no filter"), std::string::npos);
+  const bool any = std::any_of(
+    after->Nodes.begin(), after->Nodes.end(), [](const ViewFrame::Node& n) { return n.Path == "blur" && n.Weighs; });
+  EXPECT_TRUE(any);
+}
+
+TEST(RenderSession, ATemplateMadeOfASelectionHasTheSameBits)
+{
+  EditDocument d(&Registry());
+  std::vector<Diagnostic> messages;
+  ASSERT_TRUE(d.Open(Pipeline("quick.xml"), messages));
+  const auto before = Expected(d.Get(), Small(2), 1, { "sum", "radiance" });
+  std::string error;
+  ASSERT_NE(d.MakeTemplate({ "demodulate", "blur", "modulate" }, "soft", nullptr, error), "") << error;
+  EXPECT_TRUE(SameBits(before, Expected(d.Get(), Small(2), 1, { "sum", "radiance" })));
+}
+
+// A hand that moves faster than frames are made must not keep them from their end.
+TEST(RenderSession, AStreamOfWishesStillShowsFrames)
+{
+  Fixture f;
+  f.Wish.Document = Read("quick.xml");
+  f.Wish.Options = Small(1);
+  f.Wish.Options.Defines.emplace_back("spp", "400");
+  f.Wish.Targets = { { "sum", "radiance" } };
+  f.Wish.Hurry = false;
+  Mat4 camera;
+  camera.m[2][3] = 3;
+  std::set<std::uint64_t> shown;
+  int serial = 0;
+  for (int i = 0; i < 100000 && shown.size() < 3; ++i)
+  {
+    // A new pose long before a frame can be done.
+    camera.m[0][3] = 1e-4 * ++serial;
+    f.Wish.Camera = camera;
+    f.Wish.CameraSerial = serial;
+    f.Session.Wish(f.Wish);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    if (const auto frame = f.Session.Latest())
+    {
+      ASSERT_TRUE(frame->Ok) << frame->Error;
+      shown.insert(frame->Number);
+    }
+  }
+  EXPECT_EQ(shown.size(), 3u);
+  f.Session.Cancel();
 }
