@@ -127,8 +127,9 @@ void vtkQuellBilateralFilter::Describe(quell::StageDescription& d)
   QUELL_INT(d, Radius, "pixels", "half the window's side; -1: ceil(3 SigmaSpatial), at most 64; 0: identity");
   QUELL_DOUBLE(d, SigmaSpatial, "pixels", "standard deviation in distance; 0: identity");
   QUELL_DOUBLE(d, SigmaRange, "", "standard deviation in colour, in the units of Range");
-  QUELL_ENUM(
-    d, Range, "what colours are compared in: c, c / (1 + luminance), log(1 + c)", "Linear", "ToneMapped", "Log");
+  QUELL_ENUM(d, Range, "what colours are compared in, c = radiance / White: c, c / (1 + luminance), log(1 + c)",
+    "Linear", "ToneMapped", "Log");
+  QUELL_DOUBLE(d, White, "", "radiance that is white; a frame k times as bright is filtered alike with k times this");
   QUELL_DOUBLE(d, SigmaNormal, "", "standard deviation of the length of the difference of normals");
   QUELL_DOUBLE(d, SigmaDepth, "", "standard deviation of depth or plane distance, relative to depth");
   QUELL_DOUBLE(d, SigmaAlbedo, "", "standard deviation of the albedo difference");
@@ -289,6 +290,7 @@ void vtkQuellBilateralFilter::Gather(
   p.sigmaSpatial = this->SigmaSpatial;
   p.sigmaRange = this->SigmaRange;
   p.range = quell::RangeSpace(this->Range);
+  p.white = this->White;
   p.sigmaNormal = this->SigmaNormal;
   p.sigmaDepth = this->SigmaDepth;
   p.sigmaAlbedo = this->SigmaAlbedo;

@@ -54,9 +54,15 @@ public:
   vtkSetClampMacro(SigmaRange, double, 0., 1e30);
   vtkGetMacro(SigmaRange, double);
   ///@}
-  ///@{ What colours are compared in: Linear (0), ToneMapped c / (1 + lum c) (1, default), Log log(1 + c) (2).
+  ///@{ What colours c = radiance / White are compared in: Linear c (0), ToneMapped c / (1 + lum c) (1, default), Log
+  /// log(1 + c) (2).
   vtkSetClampMacro(Range, int, 0, 2);
   vtkGetMacro(Range, int);
+  ///@}
+  ///@{ Radiance that is white in the picture, default 1, range [1e-30, 1e30]. A frame k times as bright is filtered alike
+  /// with k times this.
+  vtkSetClampMacro(White, double, 1e-30, 1e30);
+  vtkGetMacro(White, double);
   ///@}
   ///@{ Of the length of the difference of unit normals, default 0.2, range [0, 1e30].
   vtkSetClampMacro(SigmaNormal, double, 0., 1e30);
@@ -105,6 +111,7 @@ private:
 
   int Radius = -1;
   double SigmaSpatial = 2, SigmaRange = 0.5;
+  double White = 1;
   int Range = 1;
   double SigmaNormal = 0.2, SigmaDepth = 0.05, SigmaAlbedo = 0.1;
   std::string Arrays;

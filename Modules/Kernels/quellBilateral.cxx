@@ -172,7 +172,7 @@ inline float ScaledRow(float v, float scale) noexcept
 }
 
 /// What is compared: `n` values, NaN for "no data".
-void GuideValue(const BilateralGuide& g, RangeSpace space, int x, int y, double* out) noexcept
+void GuideValue(const BilateralGuide& g, RangeSpace space, double white, int x, int y, double* out) noexcept
 {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const float* v = g.value.at(x, y);
@@ -185,9 +185,9 @@ void GuideValue(const BilateralGuide& g, RangeSpace space, int x, int y, double*
       const double l = 0.2126 * v[0] + 0.7152 * v[1] + 0.0722 * v[2];
       for (int k = 0; k < 3; ++k)
         out[k] = !good                             ? nan
-                 : space == RangeSpace::Linear     ? double(v[k])
-                 : space == RangeSpace::ToneMapped ? v[k] / (1 + (l > 0 ? l : 0))
-                                                   : std::log1p(v[k] > 0 ? double(v[k]) : 0.);
+                 : space == RangeSpace::Linear     ? v[k] / white
+                 : space == RangeSpace::ToneMapped ? v[k] / (white + (l > 0 ? l : 0))
+                                                   : std::log1p(v[k] > 0 ? v[k] / white : 0.);
       return;
     }
     case GuideDistance::Normal:
@@ -462,10 +462,10 @@ namespace
 {
 /// Row y of a guide in planes (value[c] + row is pixel (x0, y)), as GuideValue and Scaled give it to float rounding.
 /// Returns whether all of it are numbers.
-bool FillGuideRow(const BilateralGuide& g, RangeSpace space, double scale, int x0, int y, int width,
+bool FillGuideRow(const BilateralGuide& g, RangeSpace space, double white, double scale, int x0, int y, int width,
   float* const* value, std::ptrdiff_t row) noexcept
 {
-  const float nan = std::numeric_limits<float>::quiet_NaN(), s = float(scale);
+  const float nan = std::numeric_limits<float>::quiet_NaN(), s = float(scale), w = float(white);
   const float* in = g.value.at(x0, y);
   const int n = g.value.components;
   int gaps = 0;
@@ -479,7 +479,7 @@ bool FillGuideRow(const BilateralGuide& g, RangeSpace space, double scale, int x
       const float cr = a[i], cg = b[i], cb = c[i];
       const bool good = Finite(cr) & Finite(cg) & Finite(cb);
       const float l = 0.2126f * cr + (0.7152f * cg + 0.0722f * cb);
-      const float f = toned ? 1 / (1 + (l > 0 ? l : 0.f)) : 1.f;
+      const float f = 1 / (toned ? w + (l > 0 ? l : 0.f) : w);
       a[i] = good ? ScaledRow(cr * f, s) : nan;
       b[i] = good ? ScaledRow(cg * f, s) : nan;
       c[i] = good ? ScaledRow(cb * f, s) : nan;
@@ -505,7 +505,7 @@ bool FillGuideRow(const BilateralGuide& g, RangeSpace space, double scale, int x
     for (int i = 0; i < width; ++i)
     {
       double v[3];
-      GuideValue(g, space, x0 + i, y, v);
+      GuideValue(g, space, white, x0 + i, y, v);
       for (int k = 0; k < n; ++k)
       {
         value[k][row + i] = Scaled(v[k], scale);
@@ -680,7 +680,8 @@ std::int64_t Bilateral(const BilateralInputs& in, const BilateralParameters& par
       value[k] = next(0.f);
     const double scale = noisy ? 1 : FeatureScale(guide.distance == GuideDistance::Id ? 0 : guide.sigma);
     for (int y = e.y0; y < e.y1; ++y)
-      if (!FillGuideRow(guide, parameters.range, scale, e.x0, y, e.width(), value, t.layout.at(e.x0, y)))
+      if (!FillGuideRow(
+            guide, parameters.range, parameters.white, scale, e.x0, y, e.width(), value, t.layout.at(e.x0, y)))
         t.careful = true;
     if (!noisy)
     {
@@ -801,8 +802,8 @@ void BilateralScalar(
       return term(&a, &zero, 1, g.sigma);
     }
     double a[3], b[3];
-    GuideValue(g, p.range, x, y, a);
-    GuideValue(g, p.range, qx, qy, b);
+    GuideValue(g, p.range, p.white, x, y, a);
+    GuideValue(g, p.range, p.white, qx, qy, b);
     if (!IsNoisy(g))
       return term(a, b, g.value.components, g.distance == GuideDistance::Id ? 0 : g.sigma);
     const double v = GuideVariance(g, x, y), w = GuideVariance(g, qx, qy);

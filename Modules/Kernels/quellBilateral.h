@@ -56,9 +56,9 @@ struct BilateralOutputs
 
 enum class RangeSpace
 {
-  Linear,     ///< c
-  ToneMapped, ///< c / (1 + lum c)
-  Log         ///< log(1 + c)
+  Linear,     ///< c / white
+  ToneMapped, ///< c / (white + lum c)
+  Log         ///< log(1 + c / white)
 };
 
 /// A sigma of 0 lets only equal values pass; a sigma of at least 1e30 removes its term.
@@ -71,6 +71,7 @@ struct BilateralParameters
   double sigmaSpatial = 2; ///< pixels
   double sigmaRange = 0.5; ///< in the units of the range space
   RangeSpace range = RangeSpace::ToneMapped;
+  double white = 1; ///< radiance that is white; > 0. A frame k times as bright is filtered alike with k times this
   double sigmaNormal = 0.2; ///< length of the difference of unit normals
   double sigmaDepth = 0.05; ///< relative to depth
   double sigmaAlbedo = 0.1;

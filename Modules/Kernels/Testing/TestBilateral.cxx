@@ -438,3 +438,32 @@ TEST(Bilateral, CarriesAlphaWithTheColoursWeights)
         ASSERT_EQ(*out.at(x, y), color.at(x, y)[1]) << x << " " << y;
   }
 }
+
+// A frame k times as bright, with k times the white, is filtered alike: bit by bit for powers of two.
+TEST(Bilateral, WhiteMakesItBlindToExposure)
+{
+  const Scene s(40, 30);
+  Image bright = s.color;
+  for (float& v : bright.data)
+    v *= 8;
+  for (const auto space : { quell::RangeSpace::Linear, quell::RangeSpace::ToneMapped, quell::RangeSpace::Log })
+  {
+    quell::BilateralParameters p = Gaussian(2, 4);
+    p.sigmaRange = 0.3;
+    p.range = space;
+    quell::BilateralInputs in = Inputs(s, 3);
+    const Image out = Filtered(in, p, s.color.extent);
+    Image scalar(s.color.extent, 3);
+    in.radiance = bright;
+    EXPECT_FALSE(Filtered(in, p, s.color.extent) == out); // white 1 is something else
+    p.white = 8;
+    Image brighter = Filtered(in, p, s.color.extent);
+    quell::BilateralScalar(in, p, { scalar, {} }, s.color.extent);
+    for (size_t i = 0; i < out.data.size(); ++i)
+    {
+      ASSERT_NEAR(brighter.data[i], scalar.data[i], 1e-5 * std::fabs(scalar.data[i])) << int(space);
+      brighter.data[i] /= 8;
+    }
+    EXPECT_TRUE(brighter == out) << int(space);
+  }
+}
