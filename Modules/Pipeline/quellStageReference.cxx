@@ -185,7 +185,8 @@ std::string StageMarkdown(const StageRegistry& registry, const std::vector<std::
       categories[d->Category].push_back(d);
     }
   }
-  std::string out = "# Stage reference\n\nMade by `quell nodes --markdown` from the stages' own tables.\n";
+  std::string out = "# Stage reference\n\nMade by `quell nodes --markdown` from the stages' own tables. Bias, variance "
+                    "and cost of the filters, measured: [filters.md](filters.md).\n";
   if (types.size() > 1)
   {
     for (const auto& c : categories)
