@@ -15,7 +15,7 @@ build=${QUELL_BUILD_DIR:-$top/build}
 packages=(g++ cmake ninja-build ccache
   libvtk9-dev libembree-dev libopenimageio-dev openimageio-tools libopencolorio-dev libtbb-dev libhwy-dev libexpat1-dev
   libtinyobjloader-dev libcli11-dev nlohmann-json3-dev libgtest-dev libxml2-dev
-  libimgui-dev pkg-config fonts-dejavu-core xvfb xauth)
+  libimgui-dev libx11-dev pkg-config fonts-dejavu-core xvfb xauth)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
 usage() { sed -n '3,10s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }

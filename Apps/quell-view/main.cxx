@@ -72,7 +72,11 @@ int Run(int argc, char** argv)
       "--screenshot", screenshot, "Write the window as PNG when the frame is done, and end; needs no visible window")
     ->type_name("OUT.png");
   app.add_option("--tab", tab, "Panel on the right: Node, Pixel, Compare, Trade, Pipeline")->type_name("NAME");
-  app.add_option("--size", size, "Size of the window")->type_name("W H")->expected(2)->check(CLI::Range(200, 8192));
+  app.add_option("--size", size, "Size of the window")
+    ->type_name("W H")
+    ->expected(2)
+    ->allow_extra_args(false)
+    ->check(CLI::Range(200, 8192));
   app.add_option("--scale", scale, "Size of text and controls; from the screen when not given")
     ->check(CLI::Range(0.5, 4.));
   app.add_option("--record", record, "Write what mouse and keyboard do to a script")->type_name("FILE");

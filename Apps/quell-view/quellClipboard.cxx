@@ -9,7 +9,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
+#include <cstdio>
 #include <deque>
 #include <mutex>
 #include <thread>
@@ -27,6 +29,25 @@ int PassOver(Display*, XErrorEvent*)
 {
   return 0;
 }
+}
+
+double ScreenScale(void* display)
+{
+  Display* d = static_cast<Display*>(display);
+  if (!d)
+  {
+    return 1;
+  }
+  double dots = 0;
+  const char* said = XGetDefault(d, "Xft", "dpi");
+  if (!said || std::sscanf(said, "%lf", &dots) != 1)
+  {
+    const int screen = DefaultScreen(d);
+    const double millimetres = DisplayHeightMM(d, screen);
+    dots = millimetres > 0 ? 25.4 * DisplayHeight(d, screen) / millimetres : 96.;
+    dots = dots >= 140 ? dots : 96; // most screens only claim to be of some size
+  }
+  return std::min(4., std::max(1., std::floor(dots / 96 * 4 + 0.5) / 4));
 }
 
 struct Clipboard::Internals

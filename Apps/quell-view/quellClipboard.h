@@ -7,6 +7,10 @@
 
 namespace quell
 {
+/// How large text wants to be on a screen of 96 dots an inch, 1: what the desktop says (resource Xft.dpi), else what
+/// the screen measures where that is clearly more. In quarters, [1, 4]. `display`: Xlib's, may be null.
+double ScreenScale(void* display);
+
 /// The X selection CLIPBOARD: what other programs copy and paste. A connection, a hidden window and a thread of its own
 /// answer who asks, whatever the event loop does. Text is UTF-8; large texts come and go in pieces (INCR of the ICCCM).
 class Clipboard

@@ -14,8 +14,11 @@ void RunWindow(Window& window, Viewer& viewer, const std::function<bool()>& goOn
   using Clock = std::chrono::steady_clock;
   using std::chrono::milliseconds;
   const auto ui = [&viewer] { viewer.Ui(); };
-  Clock::time_point awake = Clock::now(), ended = awake - std::chrono::seconds(1), looked = awake;
+  const auto never = milliseconds(1 << 30);
+  Clock::time_point awake = Clock::now(), laid = awake - std::chrono::seconds(1), painted = laid;
   Clock::duration took{};
+  std::uint64_t pictures = 0;
+  window.SetBlind(true);
   while (!goOn || goOn())
   {
     const Clock::time_point now = Clock::now();
@@ -24,23 +27,31 @@ void RunWindow(Window& window, Viewer& viewer, const std::function<bool()>& goOn
     awake = events || news ? now : awake;
     // A little longer than the last event: tooltips, the caret, hover.
     const bool lingers = now - awake < milliseconds(1200);
-    const Clock::duration pause = std::max<Clock::duration>(events || news ? milliseconds(4)
-                                                            : lingers      ? milliseconds(works ? 60 : 30)
-                                                            : works        ? milliseconds(120)
-                                                                           : milliseconds(1 << 30),
-      works ? std::min<Clock::duration>(2 * took, milliseconds(100)) : Clock::duration::zero());
-    if (now - ended >= pause)
+    const Clock::duration pause = events || news ? milliseconds(8)
+                                  : works        ? milliseconds(100)
+                                  : lingers      ? milliseconds(30)
+                                                 : never;
+    if (now - laid >= pause)
     {
-      if (!window.Frame(ui))
+      laid = now;
+      const bool open = window.Frame(ui);
+      const Clock::time_point before = Clock::now();
+      const bool slow = works && took > milliseconds(4);
+      if (!slow || viewer.PictureCount() != pictures ||
+          before - painted >= std::max<Clock::duration>(milliseconds(100), 8 * took))
       {
-        return;
+        window.Paint();
+        painted = Clock::now();
+        took = painted - before;
+        pictures = viewer.PictureCount();
       }
-      ended = Clock::now();
-      took = ended - now;
+      if (!open)
+      {
+        break;
+      }
     }
-    looked = Clock::now();
-    std::this_thread::sleep_until(
-      std::max(looked, std::min(now + milliseconds(lingers || works ? 8 : 30), std::max(looked, ended + pause))));
+    std::this_thread::sleep_until(now + milliseconds(lingers || works ? 8 : 30));
   }
+  window.SetBlind(false);
 }
 }

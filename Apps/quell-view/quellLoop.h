@@ -9,9 +9,10 @@ namespace quell
 class Viewer;
 class Window;
 
-/// The window's life: a frame when something happened, a few a second while only a progress bar moves, none while
-/// nothing does. Where painting takes long (OpenGL in software) it gets no more than a third of the time while there is
-/// work, which needs the same processors. Ends when the window is closed or `goOn` says so (asked before every frame).
+/// The window's life: events are handled as they come, the window is painted when something happened, a few times a
+/// second while only a progress bar moves, and not at all while nothing does. Where painting takes long (OpenGL in
+/// software) and there is work, which needs the same processors, a mouse that moves does not paint: new pictures do,
+/// and ten times a second all else. Ends when the window is closed or `goOn` says so (asked before every frame).
 void RunWindow(Window& window, Viewer& viewer, const std::function<bool()>& goOn = nullptr);
 }
 

@@ -97,7 +97,11 @@ bool Script::Parse(const std::string& text, const std::string& name, std::string
 
 void ScriptRunner::Draw()
 {
-  this->Win.Frame([this] { this->View.Ui(); });
+  // What was sent is over: places are looked up in what it led to.
+  do
+  {
+    this->Win.Frame([this] { this->View.Ui(); });
+  } while (this->Win.HasEvents());
 }
 
 bool ScriptRunner::Settle()

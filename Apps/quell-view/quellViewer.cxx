@@ -647,9 +647,19 @@ void Viewer::TakeResults()
     this->Presented = now;
     if (now)
     {
-      this->TextureA.Upload(this->Win.Get(), now->A);
-      this->TextureB.Upload(this->Win.Get(), now->B);
-      this->TextureMap.Upload(this->Win.Get(), now->Map);
+      // What is published in two steps has its pictures in the first and its map in the second.
+      if (now->Serial != this->TexturesOf)
+      {
+        this->TextureA.Upload(this->Win.Get(), now->A);
+        this->TextureB.Upload(this->Win.Get(), now->B);
+        this->TexturesOf = now->Serial;
+        ++this->Uploads;
+      }
+      if (now->Map.Width > 0 || this->TextureMap.Width() > 0)
+      {
+        this->TextureMap.Upload(this->Win.Get(), now->Map);
+        ++this->Uploads;
+      }
     }
     if (now && now->Complete)
     {
@@ -1181,7 +1191,7 @@ void Viewer::MenuBar()
   {
     this->Tooltip(this->Doc.File() + (this->Doc.IsDirty() ? "\nnot saved yet" : ""));
   }
-  this->Win.SetTitle(title + " \u2013 Quell");
+  this->Win.SetTitle((this->Doc.IsDirty() ? "* " : "") + name + " - Quell"); // window managers read Latin-1 here
 
   const ViewProgress progress = this->Session->Progress();
   if (progress.Busy && !this->Given.Plain)
@@ -1193,6 +1203,7 @@ void Viewer::MenuBar()
     }
     const float width = this->S(170);
     ImGui::SetCursorPosX(ImGui::GetWindowWidth() - width - this->S(40));
+    ImGui::SetCursorPosY(ImGui::GetCursorPosY() + this->S(2));
     ImGui::PushStyleColor(ImGuiCol_PlotHistogram, Colors::Accent);
     ImGui::ProgressBar(float(progress.Fraction), ImVec2(width, ImGui::GetFrameHeight() - this->S(4)), text.c_str());
     ImGui::PopStyleColor();

@@ -92,6 +92,8 @@ public:
   std::string ErrorText() const;
   /// There is something to show that the last frame did not have.
   bool HasNews() const;
+  /// Counts the pictures that went to the screen's textures.
+  std::uint64_t PictureCount() const { return this->Uploads; }
   /// Something is at work whose progress is shown.
   bool IsWorking() const;
   void ShowTab(const std::string& tab) { this->WantedTab = tab; }
@@ -223,8 +225,7 @@ private:
   std::shared_ptr<const ViewCheck> Checked;
   std::shared_ptr<const Presentation> Presented;
   Texture TextureA, TextureB, TextureMap;
-  std::uint64_t TexturesOf = 0;
-  bool TexturesComplete = false;
+  std::uint64_t TexturesOf = 0, Uploads = 0;
 
   // image view
   bool FitImage = true;

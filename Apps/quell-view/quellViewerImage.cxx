@@ -731,12 +731,17 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
     list->AddText(ImVec2(q.x + this->S(5), q.y + this->S(3)), ImGui::GetColorU32(colour), text.c_str());
   };
   const Picture shown = this->PictureOf(this->A);
-  const std::string nameA = this->A.Node + (shown ? "  " + shown.Array : "");
-  const std::string nameB = this->BFrom == SourceB::Node   ? this->B.Node
-                            : this->BFrom == SourceB::Kept ? "kept " + this->KeptName
-                            : this->BFrom == SourceB::Parameters
-                              ? Fitted(this->NameOfSetB(), std::max(this->S(120), size.x * 0.45f))
-                              : "reference";
+  std::string nameA = this->A.Node + (shown ? "  " + shown.Array : "");
+  if (this->Compared != CompareMode::Off && this->BFrom == SourceB::Parameters && this->SetB)
+  {
+    const bool same = this->SetB == this->Doc.Get() || *this->SetB == *this->Doc.Get();
+    nameA += Fitted(same ? "  set A, the same" : "  set A: " + ChangeText(*this->SetB, *this->Doc.Get()),
+      std::max(this->S(120), size.x * 0.6f));
+  }
+  const std::string nameB = this->BFrom == SourceB::Node         ? this->B.Node
+                            : this->BFrom == SourceB::Kept       ? "kept " + this->KeptName
+                            : this->BFrom == SourceB::Parameters ? "set B"
+                                                                 : "reference";
   const ImVec2 corner(min.x + this->S(8), min.y + this->S(8)), opposite(max.x - this->S(8), min.y + this->S(8));
   if (map)
   {

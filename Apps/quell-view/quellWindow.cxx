@@ -144,11 +144,7 @@ Window::Window(const Options& options)
   this->UiScale = options.Scale;
   if (!(this->UiScale > 0))
   {
-    this->UiScale = 1;
-    if (!options.OffScreen && this->View->DetectDPI())
-    {
-      this->UiScale = std::min(4., std::max(1., std::floor(this->View->GetDPI() / 96. * 4 + 0.5) / 4));
-    }
+    this->UiScale = options.OffScreen ? 1 : ScreenScale(this->View->GetGenericDisplayId());
   }
 
   IMGUI_CHECKVERSION();
@@ -458,17 +454,18 @@ bool Window::Frame(const std::function<void()>& ui)
   ImGui::SetCurrentContext(this->Context);
   ImGuiIO& io = ImGui::GetIO();
   this->Keys.clear();
-  // A press and its release, or a press and the move after it, belong to different frames: widgets look once a frame.
-  bool moved = false, clicked = false, typed = false;
+  // A press and its release, of a button or a key, or a press and the move after it, belong to different frames:
+  // widgets look once a frame.
+  bool clicked = false, typed = false;
   while (!this->Queue.empty())
   {
     const WindowEvent& e = this->Queue.front();
-    const bool key = e.What == WindowEvent::Kind::Key || e.What == WindowEvent::Kind::Text;
-    if ((e.What == WindowEvent::Kind::Move && (clicked || typed) &&
-          (e.X != double(io.MousePos.x) || e.Y != double(io.MousePos.y))) ||
-        (e.What == WindowEvent::Kind::Button && (clicked || typed)) ||
-        (e.What == WindowEvent::Kind::Wheel && clicked) || (key && (clicked || (moved && false))) ||
-        (e.What == WindowEvent::Kind::Key && typed && e.Down))
+    const bool moves = e.X != double(io.MousePos.x) || e.Y != double(io.MousePos.y);
+    const bool over = e.What == WindowEvent::Kind::Move     ? (clicked || typed) && moves
+                      : e.What == WindowEvent::Kind::Button ? clicked || typed
+                      : e.What == WindowEvent::Kind::Key    ? clicked || typed
+                                                            : clicked;
+    if (over && e.What != WindowEvent::Kind::Drop)
     {
       break;
     }
@@ -479,7 +476,6 @@ bool Window::Frame(const std::function<void()>& ui)
     {
       case WindowEvent::Kind::Move:
         io.MousePos = ImVec2(float(e.X), float(e.Y));
-        moved = true;
         break;
       case WindowEvent::Kind::Button:
         io.MouseDown[e.Button] = e.Down;
@@ -534,6 +530,11 @@ bool Window::Frame(const std::function<void()>& ui)
     this->View->Render();
   }
   return !this->Closing;
+}
+
+void Window::Paint()
+{
+  this->View->Render();
 }
 
 std::vector<std::uint8_t> Window::Pixels(int& width, int& height)

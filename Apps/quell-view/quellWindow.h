@@ -92,6 +92,8 @@ public:
   bool Poll();
   /// Frames are laid out but not painted: scripts that nobody watches. Pixels and Screenshot paint the last one.
   void SetBlind(bool blind) { this->Blind = blind; }
+  /// Paints what the last frame laid out.
+  void Paint();
   void Close() { this->Closing = true; }
   void KeepOpen() { this->Closing = false; }
   bool IsClosing() const { return this->Closing; }

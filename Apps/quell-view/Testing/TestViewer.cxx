@@ -514,6 +514,40 @@ TEST_F(Viewing, WhatIsRecordedReplays)
   EXPECT_FALSE(runner.Do("click nothing/here", error));
 }
 
+// As X delivers them to a window that is late: presses and releases in one go.
+TEST_F(Viewing, EventsThatComeTogetherAreTakenOneByOne)
+{
+  this->Start(1300, 1000, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  this->Do("wait\nmove graph@0.3,0.9\n");
+  const auto key = [&](const char* sym, char character = 0)
+  {
+    for (const bool down : { true, false })
+    {
+      WindowEvent e;
+      e.What = WindowEvent::Kind::Key;
+      e.Sym = sym;
+      e.Down = down;
+      this->Win->Send(e);
+      if (down && character)
+      {
+        e.What = WindowEvent::Kind::Text;
+        e.Character = static_cast<unsigned char>(character);
+        this->Win->Send(e);
+      }
+    }
+  };
+  key("Tab");
+  this->Do("frames 8\n");
+  for (const char c : std::string("Firefly"))
+  {
+    key(std::string(1, c).c_str(), c);
+  }
+  key("Return");
+  this->Do("frames 60\nwait\n");
+  EXPECT_TRUE(this->View->Document().FindNode("", "fireflyClamp"));
+}
+
 TEST_F(Viewing, APixelTellsItsWeights)
 {
   Viewer::Options o = Small();
