@@ -260,6 +260,12 @@ StageDescription& StageDescription::DividedBy(const char* property)
   this->Outputs.back().Bounds.back().Divisor = property;
   return *this;
 }
+StageDescription& StageDescription::Limited(double least, double largest)
+{
+  this->Outputs.back().Bounds.back().LeastIn = least;
+  this->Outputs.back().Bounds.back().LargestIn = largest;
+  return *this;
+}
 StageDescription& StageDescription::Except(const char* property, const char* value)
 {
   this->Outputs.back().Bounds.back().Except.emplace_back(property, value);
@@ -280,7 +286,11 @@ std::string OutputBound::Text() const
   switch (this->Kind)
   {
     case Law::Mean:
-      text = "between the least and the largest of " + ports + (this->OrZero ? ", or 0" : "");
+      text =
+        "between the least and the largest of " + ports + (this->OrZero ? ", or 0" : "") +
+        (this->LargestIn < 3.5e38 || this->LeastIn > -3.5e38 ? ", limited to [" + detail::FormatDouble(this->LeastIn) +
+                                                                 ", " + detail::FormatDouble(this->LargestIn) + "]"
+                                                             : "");
       break;
     case Law::Constant:
       text = "constants stay";

@@ -96,6 +96,8 @@ struct VTKQUELLCORE_EXPORT OutputBound
   double Factor = 1, Low = 0, High = 0;
   bool OrZero = false;
   std::string Divisor; ///< AtMost: a property that Factor is divided by
+  /// Mean: what comes in beyond counts as this.
+  double LeastIn = -3.5e38, LargestIn = 3.5e38;
   std::string Reason;
   /// Property values (as text) with which the bound does not hold.
   std::vector<std::pair<std::string, std::string>> Except;
@@ -177,6 +179,7 @@ struct VTKQUELLCORE_EXPORT StageDescription
   ///@{ Of the bound declared last.
   StageDescription& OrZero();
   StageDescription& DividedBy(const char* property);
+  StageDescription& Limited(double least, double largest);
   StageDescription& Except(const char* property, const char* value);
   ///@}
   /// Non-finite pixels of the input described last are not counted.

@@ -26,7 +26,7 @@ void vtkQuellMedianOfMeans::Describe(quell::StageDescription& d)
   d.Output("radiance", quell::ArrayKind::Color, "the robust mean").Mean({ "radiance" });
   d.Output("residual", quell::ArrayKind::Color, "mean minus radiance; signed").AtMost(2, { "radiance" });
   d.Output("mean", quell::ArrayKind::Color, "mean of the buffers, as radiance + residual", 3).Mean({ "radiance" });
-  d.Output("gini", quell::ArrayKind::Scalar, "G, in [0, 1)", 1).Within(0, 1);
+  d.Output("gini", quell::ArrayKind::Scalar, "G", 1).Within(0, 1);
   QUELL_ENUM(d, Estimator, "how buffers are averaged", "Mean", "Median", "Binary", "Gini");
   QUELL_DOUBLE(d, GiniThreshold, "", "of Binary: G above which the median is taken");
 }

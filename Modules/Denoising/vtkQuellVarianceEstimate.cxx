@@ -48,7 +48,7 @@ void vtkQuellVarianceEstimate::Describe(quell::StageDescription& d)
   d.Output("variance", quell::ArrayKind::Variance, "variance of luminance")
     .Finite("a square, raised where the history is short; not negative");
   d.Output("radiance", quell::ArrayKind::Color, "the input; its neighbourhood's mean where the variance is spatial")
-    .Mean({ "radiance" });
+    .Mean({ "radiance" }).Limited(-1e35, 3.4e38);
   QUELL_INT(d, MinimumHistory, "frames", "length from which the moments are used");
   QUELL_ENUM(d, VarianceOf,
     "whose variance: of one frame's pixel, as SVGF has it, or of the mean of min(length, MaximumSamples) frames",

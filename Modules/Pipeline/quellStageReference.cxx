@@ -87,7 +87,7 @@ std::string OutputNotes(const OutputArray& o)
   for (const OutputBound& b : o.Bounds)
   {
     const std::string text = b.Text();
-    notes += text.empty() ? "" : "; " + text;
+    notes += text.empty() || notes.find(text) != std::string::npos ? "" : "; " + text;
   }
   return notes;
 }

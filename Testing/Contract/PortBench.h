@@ -32,7 +32,7 @@ struct PortBench
   quell::ArraySet Outputs;
   vtkNew<vtkQuellCollector> Sink;
 
-  /// `leaveOut`: a port that stays unconnected; "optional": all that may.
+  /// `leaveOut`: ports that stay unconnected, by blanks; "optional": all that may.
   PortBench(const std::string& type, int width, int height, const std::string& leaveOut = std::string())
     : Width(width)
     , Height(height)
@@ -47,7 +47,8 @@ struct PortBench
     for (std::size_t p = 0; p < d.Inputs.size(); ++p)
     {
       const quell::InputPort& port = d.Inputs[p];
-      if (port.Name == leaveOut || (leaveOut == "optional" && port.Optional))
+      if ((" " + leaveOut + " ").find(" " + port.Name + " ") != std::string::npos ||
+          (leaveOut == "optional" && port.Optional))
         continue;
       const int connections = port.Repeatable && port.Kind != quell::ArrayKind::Any ? 2 : 1;
       for (int c = 0; c < connections; ++c)
@@ -216,8 +217,10 @@ private:
             if (std::isfinite(array[i]))
             {
               // A pixel is left out whole where one of its channels is not finite; its range may only be smaller.
-              least = std::min(least, double(array[i]));
-              most = std::max(most, double(array[i]));
+              // What passes through keeps its value.
+              const double in = array[i], limited = std::min(std::max(in, b.LeastIn), b.LargestIn);
+              least = std::min({ least, in, limited });
+              most = std::max({ most, in, limited });
               some = true;
             }
         if (!some)

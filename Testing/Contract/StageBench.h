@@ -40,7 +40,7 @@ enum class Content
 /// What every pixel holds with Content::Constant.
 const float ConstantColor[4] = { 0.7f, 2.3f, 0.11f, 1.f };
 
-float Noise(std::uint32_t x, std::uint32_t y, std::uint32_t c)
+inline float Noise(std::uint32_t x, std::uint32_t y, std::uint32_t c)
 {
   std::uint32_t h = x * 0x9e3779b9u ^ y * 0x85ebca6bu ^ c * 0xc2b2ae35u;
   h ^= h >> 16;
@@ -184,7 +184,7 @@ void vtkQuellContractSource::Describe(quell::StageDescription& d)
     d.Output(a.Name, a.Kind, a.Doc);
 }
 
-std::string ArrayFor(quell::ArrayKind kind)
+inline std::string ArrayFor(quell::ArrayKind kind)
 {
   switch (kind)
   {
@@ -203,7 +203,7 @@ std::string ArrayFor(quell::ArrayKind kind)
 
 using Pixels = std::map<std::string, std::vector<float>>;
 
-Pixels ReadArrays(vtkImageData* image, const quell::ArraySet& names, const quell::Rect& region)
+inline Pixels ReadArrays(vtkImageData* image, const quell::ArraySet& names, const quell::Rect& region)
 {
   Pixels pixels;
   const int* e = image->GetExtent();
@@ -271,7 +271,7 @@ struct Bench
   Pixels Read(const quell::Rect& region) { return ReadArrays(stage->GetOutput(), outputs, region); }
 };
 
-bool SameBits(const Pixels& a, const Pixels& b, std::string& where)
+inline bool SameBits(const Pixels& a, const Pixels& b, std::string& where)
 {
   for (const auto& entry : a)
   {

@@ -65,11 +65,12 @@ enum class Place
   OneComponent,
   Cluster,
   Checkerboard,
+  Opposite, ///< the same with the sign of every other pixel turned
   Everywhere
 };
 const std::pair<Place, const char*> places[] = { { Place::OnePixel, "one pixel" },
   { Place::OneComponent, "one component" }, { Place::Cluster, "5 x 4 pixels" }, { Place::Checkerboard, "checkerboard" },
-  { Place::Everywhere, "everywhere" } };
+  { Place::Opposite, "opposite signs" }, { Place::Everywhere, "everywhere" } };
 
 constexpr int W = 29, H = 23, X0 = 12, Y0 = 9;
 
@@ -99,7 +100,7 @@ quellChange Spoil(Place place, const Extreme& e)
   {
     if (Spoils(place, x, y))
       for (int c = 0; c < (place == Place::OneComponent ? 1 : n); ++c)
-        value[c] = e.Value(value[c]);
+        value[c] = place == Place::Opposite && (x + y) % 2 ? -e.Value(value[c]) : e.Value(value[c]);
   };
 }
 
@@ -137,7 +138,7 @@ protected:
 
     // Contained: what lies beyond the reach has the bits that it has without.
     const int reach = bench.Reach(feed);
-    if (place != Place::Checkerboard && place != Place::Everywhere && !this->Table().Sink)
+    if (place < Place::Checkerboard && !this->Table().Sink)
       for (const auto& entry : out)
       {
         const int n = int(entry.second.size() / (W * H));
@@ -201,8 +202,8 @@ TEST_P(Extremes, ValuesInEachArray)
     values.push_back(&e);
   PortBench bench(this->GetParam(), W, H);
   bench.Narrow();
-  this->CheckAll(
-    bench, values, { Place::OnePixel, Place::OneComponent, Place::Cluster, Place::Checkerboard, Place::Everywhere });
+  this->CheckAll(bench, values,
+    { Place::OnePixel, Place::OneComponent, Place::Cluster, Place::Checkerboard, Place::Opposite, Place::Everywhere });
 }
 
 // The same with every switch thrown once, for the worst values alone.
@@ -228,7 +229,7 @@ TEST_P(Extremes, ValuesWithEverySwitch)
         continue;
       }
       this->CheckAll(bench, { &Named("NaN"), &Named("-inf"), &Named("largest"), &Named("0") },
-        { Place::Cluster, Place::Everywhere });
+        { Place::Cluster, Place::Opposite, Place::Everywhere });
       if (this->HasFatalFailure())
         return;
     }
