@@ -673,3 +673,18 @@ TEST_P(Extremes, PoisonLeavesTheHistory)
 
 INSTANTIATE_TEST_SUITE_P(All, Extremes, testing::ValuesIn(TypesWithInputs()),
   [](const testing::TestParamInfo<std::string>& type) { return type.param; });
+
+// What has no inputs cannot be fed extremes here. Such a type has tests of its own, or none: then this one fails.
+TEST(ExtremesOfSources, AreTestedWhereTheyAreRead)
+{
+  const std::map<std::string, const char*> elsewhere = {
+    { "ImageReader", "values pass as they are in the file: BadImages.*, ForeignFiles.*, ImageFile.*" },
+    { "PathTraceSource", "scenes, sizes and cameras: GeometryExtremes.*, PathTraceExtremes.*, BsdfSampling.*, "
+                         "LightSampler.ExtremesStayNumbers" },
+  };
+  for (const std::string& type : Registry().Types())
+  {
+    const bool source = Registry().Describe(type)->Inputs.empty();
+    EXPECT_EQ(source, elsewhere.count(type) != 0) << type << " has no inputs and no reason, or a reason too many";
+  }
+}
