@@ -8,6 +8,7 @@
 #   ./bootstrap.sh report filters           bias and variance of every filter over many seeds; Documentation/filters.md
 #   ./bootstrap.sh report tradeoff          what the default pipelines cost and buy; Documentation/tradeoff-pipelines.md
 #   ./bootstrap.sh report frames [FOLDER]   shipped pipelines on frames with references; Documentation/frames.md
+#   ./bootstrap.sh report numerics          float against double, storage, extremes; Documentation/numerics.md
 set -euo pipefail
 top=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 build=${QUELL_BUILD_DIR:-$top/build}
@@ -18,7 +19,7 @@ packages=(g++ cmake ninja-build ccache
   libimgui-dev libx11-dev pkg-config fonts-dejavu-core xvfb xauth)
 
 say() { printf 'bootstrap: %s\n' "$*" >&2; }
-usage() { sed -n '3,10s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
+usage() { sed -n '3,11s/^# *//p' "${BASH_SOURCE[0]}" >&2; exit 2; }
 
 install_missing() {
   local missing=() p
@@ -93,6 +94,9 @@ case $command in
       frames)
         install_missing; configure; compile quell
         exec "$top/Testing/FilterStudy/frames.sh" "$top" "$build/bin/quell" "${1:-$top/../shared/data}" ;;
+      numerics)
+        install_missing; configure; compile quell-numerics-report
+        exec "$build/bin/quell-numerics-report" "$top" "$@" ;;
       *) usage ;;
     esac ;;
   *)

@@ -75,7 +75,7 @@ void vtkQuellDisplayTransform::Describe(quell::StageDescription& d)
     "tone "
     "curve), `sRGB` (the encoding alone) and `Raw` (no transform).";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "linear, Rec. 709 primaries in the shipped configuration");
-  d.Output("display", quell::ArrayKind::Display, "encoded for the display, in [0, 1]");
+  d.Output("display", quell::ArrayKind::Display, "encoded for the display, in [0, 1]").Within(0, 1);
   QUELL_PATH(d, Config, "OpenColorIO configuration (OpenColorIO 2.1); empty: the shipped one");
   QUELL_STRING(d, Display, "display of the configuration; empty: its default");
   QUELL_STRING(d, View, "view of that display; empty: its default");

@@ -194,6 +194,126 @@ StageDescription& StageDescription::Output(const char* name, ArrayKind kind, con
   return *this;
 }
 
+StageDescription& StageDescription::Mean(std::vector<std::string> ports)
+{
+  OutputBound b;
+  b.Kind = OutputBound::Law::Mean;
+  b.Of = std::move(ports);
+  this->Outputs.back().Bounds.push_back(b);
+  return *this;
+}
+StageDescription& StageDescription::KeepsConstants(std::vector<std::string> ports, const char* reason)
+{
+  this->Mean(std::move(ports));
+  this->Outputs.back().Bounds.back().Kind = OutputBound::Law::Constant;
+  this->Outputs.back().Bounds.back().Reason = reason;
+  return *this;
+}
+StageDescription& StageDescription::Part(const char* port)
+{
+  OutputBound b;
+  b.Kind = OutputBound::Law::Part;
+  b.Of = { port };
+  this->Outputs.back().Bounds.push_back(b);
+  return *this;
+}
+StageDescription& StageDescription::AtMost(double factor, std::vector<std::string> ports)
+{
+  OutputBound b;
+  b.Kind = OutputBound::Law::AtMost;
+  b.Factor = factor;
+  b.Of = std::move(ports);
+  this->Outputs.back().Bounds.push_back(b);
+  return *this;
+}
+StageDescription& StageDescription::Within(double low, double high)
+{
+  OutputBound b;
+  b.Kind = OutputBound::Law::Within;
+  b.Low = low;
+  b.High = high;
+  this->Outputs.back().Bounds.push_back(b);
+  return *this;
+}
+StageDescription& StageDescription::Finite(const char* reason)
+{
+  OutputBound b;
+  b.Reason = reason;
+  this->Outputs.back().Bounds.push_back(b);
+  return *this;
+}
+StageDescription& StageDescription::Anything(const char* reason)
+{
+  OutputBound b;
+  b.Kind = OutputBound::Law::Anything;
+  b.Reason = reason;
+  this->Outputs.back().Bounds.push_back(b);
+  return *this;
+}
+StageDescription& StageDescription::OrZero()
+{
+  this->Outputs.back().Bounds.back().OrZero = true;
+  return *this;
+}
+StageDescription& StageDescription::DividedBy(const char* property)
+{
+  this->Outputs.back().Bounds.back().Divisor = property;
+  return *this;
+}
+StageDescription& StageDescription::Limited(double least, double largest)
+{
+  this->Outputs.back().Bounds.back().LeastIn = least;
+  this->Outputs.back().Bounds.back().LargestIn = largest;
+  return *this;
+}
+StageDescription& StageDescription::Except(const char* property, const char* value)
+{
+  this->Outputs.back().Bounds.back().Except.emplace_back(property, value);
+  return *this;
+}
+StageDescription& StageDescription::Uncounted(const char* reason)
+{
+  this->Inputs.back().Uncounted = reason;
+  return *this;
+}
+
+std::string OutputBound::Text() const
+{
+  std::string ports;
+  for (const std::string& port : this->Of)
+    ports += (ports.empty() ? "`" : this->Of.back() == port ? " and `" : ", `") + port + "`";
+  std::string text;
+  switch (this->Kind)
+  {
+    case Law::Mean:
+      text =
+        "between the least and the largest of " + ports + (this->OrZero ? ", or 0" : "") +
+        (this->LargestIn < 3.5e38 || this->LeastIn > -3.5e38 ? ", limited to [" + detail::FormatDouble(this->LeastIn) +
+                                                                 ", " + detail::FormatDouble(this->LargestIn) + "]"
+                                                             : "");
+      break;
+    case Law::Constant:
+      text = "constants stay";
+      break;
+    case Law::Part:
+      text = "a part of " + ports;
+      break;
+    case Law::AtMost:
+      text = "at most " + (this->Factor == 1 ? std::string() : detail::FormatDouble(this->Factor) + " times ") +
+             (this->Of.size() > 1 ? "the largest of " : "the largest ") + ports +
+             (this->Of.size() > 1 ? " together" : "") + (this->Divisor.empty() ? std::string() : " / " + this->Divisor);
+      break;
+    case Law::Within:
+      text = "in [" + detail::FormatDouble(this->Low) + ", " + detail::FormatDouble(this->High) + "]";
+      break;
+    default:
+      return text;
+  }
+  for (const auto& e : this->Except)
+    text += ", not with " + e.first + " " + e.second;
+  return text;
+}
+
 std::string NearestName(const std::string& name, const std::vector<std::string>& names)
 {
   const auto lower = [](std::string s)

@@ -69,9 +69,39 @@ struct InputPort
   std::string Doc;
   bool Optional = false;
   bool Repeatable = false;
-  bool Delayed = false; ///< meant for the previous frame (delay="1"); then it covers the whole frame
-  int Halo = -1;        ///< -1: the stage's HaloFor(port) decides
+  bool Delayed = false;  ///< meant for the previous frame (delay="1"); then it covers the whole frame
+  int Halo = -1;         ///< -1: the stage's HaloFor(port) decides
+  int Reach = -1;        ///< delayed: how many pixels around x + motion are read
+  std::string Uncounted; ///< why its non-finite pixels are not in StageCounters::NonFinite; empty: a live colour's are
   std::vector<InputAttribute> Attributes;
+};
+
+/// What the values of an output array keep to, whatever comes in and whatever the properties are. Every type declares
+/// it (StageDescription::Mean and so on); Testing/Contract holds it to that at every extreme.
+struct VTKQUELLCORE_EXPORT OutputBound
+{
+  enum class Law
+  {
+    Finite,   ///< finite; Reason says why nothing more can be said
+    Mean,     ///< between the least and the largest finite value of the ports `Of`, channel by channel (where OrZero:
+              ///< or 0); what is the same in every pixel stays so to the last bit
+    Constant, ///< the latter alone
+    Part,     ///< all outputs with this law add up to the first of `Of` in every bit, and none is larger than it
+    AtMost,   ///< magnitude at most Factor times the sum of the largest magnitudes of the connections of `Of`
+    Within,   ///< in [Low, High]
+    Anything  ///< may be non-finite; Reason says why
+  };
+  Law Kind = Law::Finite;
+  std::vector<std::string> Of;
+  double Factor = 1, Low = 0, High = 0;
+  bool OrZero = false;
+  std::string Divisor; ///< AtMost: a property that Factor is divided by
+  /// Mean: what comes in beyond counts as this.
+  double LeastIn = -3.5e38, LargestIn = 3.5e38;
+  std::string Reason;
+  /// Property values (as text) with which the bound does not hold.
+  std::vector<std::pair<std::string, std::string>> Except;
+  std::string Text() const; ///< "between the least and the largest of `radiance`"; empty for Finite and Anything
 };
 
 struct OutputArray
@@ -80,6 +110,7 @@ struct OutputArray
   ArrayKind Kind = ArrayKind::Any;
   int Components = 0;
   std::string Doc;
+  std::vector<OutputBound> Bounds = {}; ///< all of them hold
 };
 
 /// One parameter, reflected from its VTK accessors. Values travel as text, so that XML, command line, reference and
@@ -135,6 +166,24 @@ struct VTKQUELLCORE_EXPORT StageDescription
   /// Of the input described last.
   StageDescription& Attribute(const char* name, const char* doc, std::vector<std::string> values = {});
   StageDescription& Output(const char* name, ArrayKind kind, const char* doc, int components = 0);
+
+  ///@{ A bound of the output described last; see OutputBound.
+  StageDescription& Mean(std::vector<std::string> ports);
+  StageDescription& KeepsConstants(std::vector<std::string> ports, const char* reason);
+  StageDescription& Part(const char* port);
+  StageDescription& AtMost(double factor, std::vector<std::string> ports);
+  StageDescription& Within(double low, double high);
+  StageDescription& Finite(const char* reason);
+  StageDescription& Anything(const char* reason);
+  ///@}
+  ///@{ Of the bound declared last.
+  StageDescription& OrZero();
+  StageDescription& DividedBy(const char* property);
+  StageDescription& Limited(double least, double largest);
+  StageDescription& Except(const char* property, const char* value);
+  ///@}
+  /// Non-finite pixels of the input described last are not counted.
+  StageDescription& Uncounted(const char* reason);
 };
 
 namespace detail

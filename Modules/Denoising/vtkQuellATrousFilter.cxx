@@ -44,9 +44,9 @@ void vtkQuellATrousFilter::Describe(quell::StageDescription& d)
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "guide");
   d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "guide");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never mixes pixels of different ids");
-  d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
-  d.Output("variance", quell::ArrayKind::Variance, "the propagated variance");
-  d.Output("feedback", quell::ArrayKind::Color, "the colour after pass FeedbackIteration");
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input").Mean({ "radiance" }).Limited(-1e35, 3.4e38);
+  d.Output("variance", quell::ArrayKind::Variance, "the propagated variance").AtMost(1, { "variance" });
+  d.Output("feedback", quell::ArrayKind::Color, "the colour after pass FeedbackIteration").Mean({ "radiance" }).Limited(-1e35, 3.4e38);
   QUELL_INT(d, Iterations, "passes", "0: identity; the region grows by 2 (2^Iterations - 1) pixels");
   QUELL_DOUBLE(d, SigmaDepth, "", "depth tolerance in units of the local slope");
   QUELL_DOUBLE(d, SigmaNormal, "", "exponent of the cosine between normals; 0: normals do not matter");

@@ -27,7 +27,9 @@ void vtkQuellAlbedoDemodulate::Describe(quell::StageDescription& d)
     "A pixel with non-finite radiance gets the mean of its finite neighbours' illumination (0 if there are none).";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the layer");
   d.OptionalInput("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that the layer holds; without it 1");
-  d.Output("illumination", quell::ArrayKind::Color, "the layer divided by its albedo");
+  d.Output("illumination", quell::ArrayKind::Color, "the layer divided by its albedo")
+    .AtMost(1, { "radiance" })
+    .DividedBy("Floor");
   QUELL_DOUBLE(d, Floor, "", "smallest divisor; AlbedoModulate must use the same");
 }
 

@@ -27,7 +27,7 @@ void vtkQuellAlbedoModulate::Describe(quell::StageDescription& d)
     "neighbours (0 if there are none).";
   d.Input("illumination", quell::ArrayKind::Color, "illumination", "filtered illumination");
   d.OptionalInput("albedo", quell::ArrayKind::Albedo, "albedo", "the reflectance that was divided out; without it 1");
-  d.Output("radiance", quell::ArrayKind::Color, "the layer with its albedo");
+  d.Output("radiance", quell::ArrayKind::Color, "the layer with its albedo").AtMost(1, { "illumination" });
   QUELL_DOUBLE(d, Floor, "", "smallest factor; the same as in AlbedoDemodulate");
 }
 

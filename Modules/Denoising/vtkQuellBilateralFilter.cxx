@@ -123,7 +123,7 @@ void vtkQuellBilateralFilter::Describe(quell::StageDescription& d)
      "variance of a guide's mean value (1 component: averaged over its components)")
     .Attribute("guide", "name of the guide that it belongs to");
   d.Inputs[Guide].Optional = d.Inputs[GuideVariance].Optional = true;
-  d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input").Mean({ "radiance" });
   QUELL_INT(d, Radius, "pixels", "half the window's side; -1: ceil(3 SigmaSpatial), at most 64; 0: identity");
   QUELL_DOUBLE(d, SigmaSpatial, "pixels", "standard deviation in distance; 0: identity");
   QUELL_DOUBLE(d, SigmaRange, "", "standard deviation in colour, in the units of Range");

@@ -21,9 +21,9 @@ void vtkQuellEmissionSplit::Describe(quell::StageDescription& d)
     "image is bright; a pixel that is not finite becomes the mean of its finite neighbours, in `emission` if that is a "
     "lamp's edge, else in `radiance`.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the beauty");
-  d.Output("radiance", quell::ArrayKind::Color, "everything but lamps");
-  d.Output("emission", quell::ArrayKind::Color, "lamps");
-  d.Output("mask", quell::ArrayKind::Scalar, "1 in lamps, else 0");
+  d.Output("radiance", quell::ArrayKind::Color, "everything but lamps").Part("radiance");
+  d.Output("emission", quell::ArrayKind::Color, "lamps").Part("radiance");
+  d.Output("mask", quell::ArrayKind::Scalar, "1 in lamps, else 0").Within(0, 1);
   QUELL_DOUBLE(d, Threshold, "", "luminance that only light sources have; 1e30: there are none");
   QUELL_INT(
     d, Neighbours, "pixels", "of the 8 around a bright pixel, so many must be bright; 0: fireflies are lamps too");

@@ -48,8 +48,8 @@ void vtkQuellFeaturePrefilter::Describe(quell::StageDescription& d)
     "of the pixel's mean albedo: per component or averaged; else estimated");
   d.OptionalInput("varianceNormal", quell::ArrayKind::Any, "varianceNormal",
     "of the pixel's mean normal: per component or averaged; else estimated");
-  d.Output("albedo", quell::ArrayKind::Albedo, "the filtered albedo");
-  d.Output("normal", quell::ArrayKind::Normal, "the filtered normal; 0 without input normal");
+  d.Output("albedo", quell::ArrayKind::Albedo, "the filtered albedo").Mean({ "albedo" });
+  d.Output("normal", quell::ArrayKind::Normal, "the filtered normal; 0 without input normal").AtMost(1, { "normal" });
   QUELL_INT(d, Radius, "pixels", "half the window's side; 0: identity");
   QUELL_DOUBLE(d, SigmaFeature, "", "difference of a feature without noise that counts as an edge; 1e30: none does");
   QUELL_DOUBLE(d, SigmaNormal, "", "standard deviation of the length of the difference of normals, for the albedo");

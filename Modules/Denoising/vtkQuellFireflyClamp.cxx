@@ -31,8 +31,8 @@ void vtkQuellFireflyClamp::Describe(quell::StageDescription& d)
     "dot(E,E) > 25: E = 5 E / |E|` (Length); Lighthouse 2 and pbrt (Maximum).";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the layer");
   d.OptionalInput("count", quell::ArrayKind::History, "history", "frames accumulated so far; raises the threshold");
-  d.Output("radiance", quell::ArrayKind::Color, "the layer, no colour larger than the threshold");
-  d.Output("residual", quell::ArrayKind::Color, "input minus radiance");
+  d.Output("radiance", quell::ArrayKind::Color, "the layer, no colour larger than the threshold").Part("radiance");
+  d.Output("residual", quell::ArrayKind::Color, "input minus radiance").Part("radiance");
   QUELL_DOUBLE(d, Threshold, "", "largest colour that stays, in the input's unit; 1e30: off");
   QUELL_ENUM(d, Measure,
     "how large a colour is: the Euclidean length of RGB, its luminance, or its largest channel (magnitudes)", "Length",

@@ -59,7 +59,10 @@ void vtkQuellKernelFilter::Describe(quell::StageDescription& d)
     "`Normalize` the plain sum, with 0 outside the image. A pixel that is not finite becomes the mean of its "
     "neighbours by the same weights; in further arrays, a depth that is not finite stays.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "what is filtered, and the arrays named in Arrays");
-  d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input")
+    .Mean({ "radiance" })
+    .Except("Normalize", "false")
+    .Except("Kernel", "Matrix");
   QUELL_ENUM(d, Kernel, "the weights", "Identity", "Box", "Peak3x3", "Gaussian", "Matrix");
   QUELL_INT(
     d, Radius, "pixels", "half the side of Box and Gaussian; -1: 1, or ceil(3 Sigma) (at most 64) for Gaussian");

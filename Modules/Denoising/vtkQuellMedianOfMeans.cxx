@@ -23,10 +23,10 @@ void vtkQuellMedianOfMeans::Describe(quell::StageDescription& d)
     "without any is replaced by the mean of its finite neighbours (0 if there are none). Sources: Jung, Meyer, "
     "DeLong 2015; Buisine, Delepoulle, Renaud 2021.";
   d.RepeatableInput("radiance", quell::ArrayKind::Color, "radiance", "a buffer; 1 to 64 connections");
-  d.Output("radiance", quell::ArrayKind::Color, "the robust mean");
-  d.Output("residual", quell::ArrayKind::Color, "mean minus radiance; signed");
-  d.Output("mean", quell::ArrayKind::Color, "mean of the buffers, as radiance + residual", 3);
-  d.Output("gini", quell::ArrayKind::Scalar, "G, in [0, 1)", 1);
+  d.Output("radiance", quell::ArrayKind::Color, "the robust mean").Mean({ "radiance" });
+  d.Output("residual", quell::ArrayKind::Color, "mean minus radiance; signed").AtMost(2, { "radiance" });
+  d.Output("mean", quell::ArrayKind::Color, "mean of the buffers, as radiance + residual", 3).Mean({ "radiance" });
+  d.Output("gini", quell::ArrayKind::Scalar, "G", 1).Within(0, 1);
   QUELL_ENUM(d, Estimator, "how buffers are averaged", "Mean", "Median", "Binary", "Gini");
   QUELL_DOUBLE(d, GiniThreshold, "", "of Binary: G above which the median is taken");
 }

@@ -65,8 +65,6 @@ void vtkQuellNonLocalFilter::DescribeInputs(quell::StageDescription& d)
      "variance of a guide's mean value (1 component: averaged over its components)")
     .Attribute("guide", "name of the guide that it belongs to");
   d.Inputs[Guide].Optional = d.Inputs[GuideVariance].Optional = true;
-  d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
-  d.Output("variance", quell::ArrayKind::Variance, "of the noise that is left, from the halves; 0 without them");
 }
 
 bool vtkQuellNonLocalFilter::SetInputAttribute(
@@ -98,6 +96,13 @@ int vtkQuellNonLocalFilter::HaloFor(int) const
 {
   const int own = quell::NonLocalHalo(this->Radius, this->PatchRadius, this->Regresses()) + NoiseReach;
   return own + (this->Selects() ? 2 * quell::NonLocalHalo(SmoothRadius, SmoothPatch, false) : 0);
+}
+
+bool vtkQuellNonLocalFilter::NeedsInput(int port, const quell::ArraySet&) const
+{
+  auto* self = const_cast<vtkQuellNonLocalFilter*>(this);
+  return port != Radiance || this->Selects() || self->GetNumberOfInputConnections(HalfA) == 0 ||
+         self->GetNumberOfInputConnections(HalfB) == 0;
 }
 
 void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
@@ -180,7 +185,7 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
   {
     if (variance && !halves)
       return variance;
-    const quell::Rect grown = tile.grown(reach).clipped(radiance.extent);
+    const quell::Rect grown = tile.grown(reach).clipped((halves ? halfA : radiance).extent);
     const int components = halves ? 3 : 1;
     const quell::ImageOut made(
       memory.Take(std::size_t(grown.area()) * components + quell::FeatureNoiseScratch(grown)), components, grown);
@@ -212,6 +217,10 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
       for (int x = tile.x0; x < tile.x1; ++x)
       {
         const float *u = a.at(x, y), *v = b.at(x, y);
+        // A half that is not finite here is only what its neighbours say; the other one knows more.
+        const bool knowsA = quell::Finite3(halfA.at(x, y)), knowsB = quell::Finite3(halfB.at(x, y));
+        if (knowsA != knowsB)
+          (knowsA ? v : u) = knowsA ? u : v;
         double difference[3];
         for (int c = 0; c < 3; ++c)
         {
@@ -327,6 +336,7 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
           {
             this->NonFinite.Add(!quell::Finite3(halfA.at(x, y)));
             this->NonFinite.Add(!quell::Finite3(halfB.at(x, y)));
+            this->NonFinite.Add(!quell::Finite3(radiance.at(x, y)));
             for (int half = 0; half < 2; ++half)
               for (int c = 0; c < 3; ++c)
               {

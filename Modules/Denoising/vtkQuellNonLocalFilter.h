@@ -51,6 +51,8 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  /// With both halves radiance is read only where it tells between two widths.
+  bool NeedsInput(int port, const quell::ArraySet& asked) const override;
   bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
   double CostPerPixel() const override

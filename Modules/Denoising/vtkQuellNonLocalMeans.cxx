@@ -21,6 +21,9 @@ void vtkQuellNonLocalMeans::Describe(quell::StageDescription& d)
     "have weight 0 and are left out of patches; a non-finite pixel becomes the weighted mean of its neighbours; "
     "background "
     "passes through. Sources: Rousselle et al. 2012; Rousselle et al. 2013.";
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input").Mean({ "radiance", "halfA", "halfB" });
+  d.Output("variance", quell::ArrayKind::Variance, "of the noise that is left, from the halves; 0 without them")
+    .Finite("the square of half a difference");
   QUELL_INT(d, Radius, "pixels", "half the side of the window; 0: identity");
   QUELL_INT(d, PatchRadius, "pixels", "half the side of the patches");
   QUELL_DOUBLE(d, KColor, "", "how many deviations of noise patches may differ; 1e15: colours do not matter");

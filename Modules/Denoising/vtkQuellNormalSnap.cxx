@@ -43,7 +43,8 @@ void vtkQuellNormalSnap::Describe(quell::StageDescription& d)
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never takes the normal of another id");
   d.OptionalInput("varianceNormal", quell::ArrayKind::Any, "varianceNormal",
     "of the pixel's mean normal, per component or averaged: tells mixed pixels where the source makes normals unit");
-  d.Output("normal", quell::ArrayKind::Normal, "normals of single surfaces");
+  d.Output("normal", quell::ArrayKind::Normal, "normals of single surfaces")
+    .Finite("a normal longer than 1 is none of a mixed pixel, and stays");
   QUELL_DOUBLE(d, SigmaDepth, "", "standard deviation of plane distance or depth, relative to depth");
   QUELL_DOUBLE(
     d, MixedVariance, "", "variance of the mean normal from which a pixel is mixed, where varianceNormal is connected");

@@ -32,8 +32,8 @@ void vtkQuellRankClamp::Describe(quell::StageDescription& d)
     "selection, Hardie and Barner 1994.";
   d.Input("radiance", quell::ArrayKind::Color, "radiance", "the layer; illumination rather than radiance");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "only neighbours of the same id judge");
-  d.Output("radiance", quell::ArrayKind::Color, "the layer without pixels that stand out");
-  d.Output("residual", quell::ArrayKind::Color, "input minus radiance");
+  d.Output("radiance", quell::ArrayKind::Color, "the layer without pixels that stand out").Part("radiance");
+  d.Output("residual", quell::ArrayKind::Color, "input minus radiance").Part("radiance");
   QUELL_INT(d, Radius, "pixels", "half the window's side; 0: identity");
   QUELL_INT(d, Rank, "", "which neighbour is the limit, counted from the largest");
   QUELL_DOUBLE(d, Factor, "", "times that neighbour's size; 1e30: off");

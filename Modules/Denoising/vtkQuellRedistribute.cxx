@@ -44,7 +44,8 @@ void vtkQuellRedistribute::Describe(quell::StageDescription& d)
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "nothing is given across a step");
   d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "nothing is given across an edge");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "nothing is given to another id");
-  d.Output("radiance", quell::ArrayKind::Color, "radiance and all of the residual");
+  d.Output("radiance", quell::ArrayKind::Color, "radiance and all of the residual")
+    .Finite("a neighbourhood's whole residual may meet in one pixel; the sum over the frame is kept");
   QUELL_ENUM(d, Over, "who receives", "Neighbourhood", "Image");
   QUELL_INT(d, Radius, "pixels", "half the side of the largest window; 0: every pixel gets its own residual back");
   QUELL_DOUBLE(d, Sigma, "pixels", "standard deviation of the kernel of a small residual; 0: radiance + residual");

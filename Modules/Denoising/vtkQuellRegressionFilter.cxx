@@ -26,6 +26,10 @@ void vtkQuellRegressionFilter::Describe(quell::StageDescription& d)
     "`((B - fA)^2 + (A - fB)^2) / 2 - 2 V - (fB - fA)^2 / 4`, smoothed. Features must not share the colour's noise, as "
     "a "
     "spectral renderer's albedo does. Source: Bitterli et al. 2016.";
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input")
+    .KeepsConstants({ "radiance", "halfA", "halfB" }, "a line through noisy colours may overshoot them");
+  d.Output("variance", quell::ArrayKind::Variance, "of the noise that is left, from the halves; 0 without them")
+    .Finite("the square of half a difference");
   QUELL_INT(d, Radius, "pixels", "half the side of the window; 0: identity");
   QUELL_INT(d, PatchRadius, "pixels", "half the side of the patches");
   QUELL_DOUBLE(d, KColor, "", "how many deviations of noise patches may differ; 1e15: colours do not matter");

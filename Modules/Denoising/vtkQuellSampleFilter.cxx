@@ -58,7 +58,11 @@ void vtkQuellSampleFilter::Describe(quell::StageDescription& d)
   sample("normal", quell::ArrayKind::Normal, "guide; one connection per sample");
   sample("albedo", quell::ArrayKind::Albedo, "guide and divisor; one connection per sample");
   sample("id", quell::ArrayKind::Id, "never mixes samples of different ids; one connection per sample");
-  d.Output("radiance", quell::ArrayKind::Color, "the mean of the filtered samples");
+  d.Output("radiance", quell::ArrayKind::Color, "the mean of the filtered samples")
+    .Mean({ "radiance" })
+    .Except("Demodulate", "true")
+    .AtMost(1, { "radiance" })
+    .DividedBy("Floor");
   QUELL_INT(d, Radius, "pixels", "half the window's side");
   QUELL_DOUBLE(d, SigmaSpatial, "pixels", "standard deviation in distance; 0: no neighbours");
   QUELL_DOUBLE(d, SigmaNormal, "", "standard deviation of the length of the difference of normals; 1e30: off");

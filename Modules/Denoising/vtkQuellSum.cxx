@@ -16,7 +16,7 @@ void vtkQuellSum::Describe(quell::StageDescription& d)
     "Signed layers are added as they are; a sum beyond the largest float stays there. A non-finite pixel of a "
     "term is replaced by the mean of its finite neighbours in that term (0 if there are none).";
   d.RepeatableInput("radiance", quell::ArrayKind::Color, "radiance", "a layer; any number of connections");
-  d.Output("radiance", quell::ArrayKind::Color, "the sum");
+  d.Output("radiance", quell::ArrayKind::Color, "the sum").AtMost(1, { "radiance" });
 }
 
 vtkQuellSum::vtkQuellSum()

@@ -45,8 +45,10 @@ void vtkQuellVarianceEstimate::Describe(quell::StageDescription& d)
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "guide of the spatial estimate");
   d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "guide of the spatial estimate");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never mixes pixels of different ids");
-  d.Output("variance", quell::ArrayKind::Variance, "variance of luminance");
-  d.Output("radiance", quell::ArrayKind::Color, "the input; its neighbourhood's mean where the variance is spatial");
+  d.Output("variance", quell::ArrayKind::Variance, "variance of luminance")
+    .Finite("a square, raised where the history is short; not negative");
+  d.Output("radiance", quell::ArrayKind::Color, "the input; its neighbourhood's mean where the variance is spatial")
+    .Mean({ "radiance" }).Limited(-1e35, 3.4e38);
   QUELL_INT(d, MinimumHistory, "frames", "length from which the moments are used");
   QUELL_ENUM(d, VarianceOf,
     "whose variance: of one frame's pixel, as SVGF has it, or of the mean of min(length, MaximumSamples) frames",

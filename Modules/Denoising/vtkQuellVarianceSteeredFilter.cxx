@@ -43,9 +43,9 @@ void vtkQuellVarianceSteeredFilter::Describe(quell::StageDescription& d)
   d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "guide");
   d.OptionalInput("albedo", quell::ArrayKind::Albedo, "albedo", "guide");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never mixes pixels of different ids");
-  d.Output("radiance", quell::ArrayKind::Color, "the filtered input");
-  d.Output("variance", quell::ArrayKind::Variance, "of its luminance");
-  d.Output("sigma", quell::ArrayKind::Scalar, "pixels: the mean width chosen; 0: identity", 1);
+  d.Output("radiance", quell::ArrayKind::Color, "the filtered input").Mean({ "radiance" });
+  d.Output("variance", quell::ArrayKind::Variance, "of its luminance").AtMost(1, { "variance" });
+  d.Output("sigma", quell::ArrayKind::Scalar, "pixels: the mean width chosen; 0: identity", 1).Within(0, 8);
   QUELL_INT(d, Scales, "", "kernels to choose among besides the identity; 0: identity");
   QUELL_DOUBLE(d, SigmaNormal, "", "standard deviation of the length of the difference of normals; 1e30: off");
   QUELL_DOUBLE(d, SigmaDepth, "", "standard deviation of the relative depth difference; 1e30: off");

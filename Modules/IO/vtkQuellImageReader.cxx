@@ -32,7 +32,8 @@ void vtkQuellImageReader::Describe(quell::StageDescription& d)
     "The frame is the display window. Pixels outside the data window hold the array's background (0; albedo 1; depth "
     "+inf). Values are not changed: non-finite ones pass. Integer pixels of formats other than EXR are decoded from "
     "sRGB.";
-  d.Output("radiance", quell::ArrayKind::Color, "the file's plain R G B channels, or its beauty pass");
+  d.Output("radiance", quell::ArrayKind::Color, "the file's plain R G B channels, or its beauty pass")
+    .Anything("files are read as they are; every stage behind it contains what is not finite");
   QUELL_PATH(d, File, "image file; a run of # in its name is replaced by the frame's tick, e.g. noisy.####.exr");
   QUELL_STRING(
     d, PlainArray, "array that plain R G B or Y channels make, e.g. albedo for a file that holds nothing else");

@@ -160,7 +160,7 @@ float CleanVariance(float v) noexcept
 float ReadVariance(const ImageIn& image, int x, int y) noexcept
 {
   const float v = *image.at(x, y);
-  if (v == v)
+  if (Finite(v))
     return CleanVariance(v);
   float mean = 0;
   FillFromNeighbours<1>(image.extent, x, y, &mean,
@@ -168,7 +168,7 @@ float ReadVariance(const ImageIn& image, int x, int y) noexcept
     {
       const float q = *image.at(qx, qy);
       *out = CleanVariance(q);
-      return q == q;
+      return Finite(q);
     });
   return mean;
 }
@@ -277,7 +277,7 @@ std::int64_t CopyColor(const ImageIn& color, const ImageIn& variance, const Guid
       for (int i = 0; i < w; ++i)
       {
         v[i] = (l[i] < Inf) & (z[i] < Inf) ? CleanVariance(from[i]) : -1.f;
-        unknown |= !(from[i] == from[i]);
+        unknown |= !Finite(from[i]);
       }
       if (unknown)
         for (int i = 0; i < w; ++i)

@@ -37,7 +37,7 @@ float Clean(float v) noexcept
 float ReadCleanVariance(const ImageIn& image, int x, int y) noexcept
 {
   const float v = *image.at(x, y);
-  if (v == v)
+  if (Finite(v))
     return Clean(v);
   float mean = 0;
   FillFromNeighbours<1>(image.extent, x, y, &mean,
@@ -45,7 +45,7 @@ float ReadCleanVariance(const ImageIn& image, int x, int y) noexcept
     {
       const float q = *image.at(qx, qy);
       *out = Clean(q);
-      return q == q;
+      return Finite(q);
     });
   return mean;
 }

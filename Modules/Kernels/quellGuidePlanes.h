@@ -52,7 +52,7 @@ float* FillGuidedTile(
 double GuideExponentBetween(const GuidedInputs& in, int x, int y, const GuidedInputs& other, int qx, int qy) noexcept;
 bool GuideCounts(const GuidedInputs& in, int qx, int qy) noexcept;
 
-/// In [0, 1e36]; what is not a number is the mean of its finite neighbours' (0: none).
+/// In [0, 1e36]; what is not finite is the mean of its finite neighbours' (0: none).
 float ReadCleanVariance(const ImageIn& image, int x, int y) noexcept;
 }
 

@@ -8,6 +8,7 @@
 #include "vtkSMPTools.h"
 
 #include <cmath>
+#include <limits>
 #include <functional>
 #include <memory>
 
@@ -327,8 +328,8 @@ void ComputeErrorMap(const std::string& name, const ImageIn& test, const ImageIn
     {
       for (int y = begin; y < end; ++y)
         for (int x = 0; x < w; ++x)
-          *map.at(map.extent.x0 + x, map.extent.y0 + y) =
-            float(values.empty() ? PixelErrorAt(metric.Kind, test, reference, x, y) : values[std::size_t(y) * w + x]);
+          *map.at(map.extent.x0 + x, map.extent.y0 + y) = float(std::min(double(std::numeric_limits<float>::max()),
+            values.empty() ? PixelErrorAt(metric.Kind, test, reference, x, y) : values[std::size_t(y) * w + x]));
     });
 }
 }

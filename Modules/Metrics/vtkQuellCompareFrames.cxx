@@ -2,6 +2,7 @@
 #include "vtkQuellCompareFrames.h"
 
 #include "quellTemporalMetrics.h"
+#include "quellGuards.h"
 #include "vtkObjectFactory.h"
 
 #include <algorithm>
@@ -57,8 +58,12 @@ void vtkQuellCompareFrames::Describe(quell::StageDescription& d)
   d.OptionalInput("reference", ArrayKind::Color, "radiance", "what the frame should look like");
   d.OptionalInput("previousReference", ArrayKind::Color, "radiance", "delayed: the same of the frame before");
   for (int port : { Previous, PreviousId, PreviousReference })
+  {
     d.Inputs[port].Delayed = true;
-  d.Output("error", ArrayKind::Scalar, "change of each pixel, along the motion, that the reference does not have");
+    d.Inputs[port].Reach = 1; // bilinear
+  }
+  d.Output("error", ArrayKind::Scalar, "change of each pixel, along the motion, that the reference does not have")
+    .AtMost(1, { "image", "previous", "reference", "previousReference" });
   QUELL_STRING(d, Label, "what the report calls the image");
 }
 
@@ -119,7 +124,7 @@ std::string vtkQuellCompareFrames::Compare(quell::StageFrame& frame) const
               d -= r.at(x, y)[c] - rThen.at(int(px), int(py))[c];
             sum += std::fabs(d) / float(now.components);
           }
-        *map.at(x, y) = sum;
+        *map.at(x, y) = quell::Limited(sum);
       }
   return report;
 }

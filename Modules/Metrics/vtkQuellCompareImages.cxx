@@ -95,7 +95,8 @@ void vtkQuellCompareImages::Describe(quell::StageDescription& d)
   d.Input("image", ArrayKind::Color, "radiance", "the image to judge");
   d.Input("reference", ArrayKind::Color, "radiance", "what it should look like; may have another size");
   d.OptionalInput("baseline", ArrayKind::Color, "radiance", "what to compare the error with: the noisy input");
-  d.Output("error", ArrayKind::Scalar, "relMSE of each pixel");
+  d.Output("error", ArrayKind::Scalar, "relMSE of each pixel")
+    .Finite("squares of differences, relative to what may be 0");
   QUELL_STRING(d, Metrics, "metric names, separated by blanks");
   QUELL_INT(d, Tick, "", "compare at this tick only; -1: at every tick");
   QUELL_STRING(d, Label, "what the report calls the image");

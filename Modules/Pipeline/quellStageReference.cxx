@@ -80,6 +80,18 @@ std::string PortNotes(const InputPort& p)
 }
 }
 
+/// What the output is, and what its values keep to.
+std::string OutputNotes(const OutputArray& o)
+{
+  std::string notes = o.Doc;
+  for (const OutputBound& b : o.Bounds)
+  {
+    const std::string text = b.Text();
+    notes += text.empty() || notes.find(text) != std::string::npos ? "" : "; " + text;
+  }
+  return notes;
+}
+
 std::string RangeText(const Property& p)
 {
   switch (p.Kind)
@@ -154,7 +166,7 @@ std::string StageText(const StageDescription& d)
     out += "outputs\n";
     for (const OutputArray& o : d.Outputs)
     {
-      out += "  " + o.Name + ": " + KindName(o.Kind) + "\n" + Wrapped(o.Doc, "      ");
+      out += "  " + o.Name + ": " + KindName(o.Kind) + "\n" + Wrapped(OutputNotes(o), "      ");
     }
   }
   if (!d.Properties.empty())
@@ -229,7 +241,7 @@ std::string StageMarkdown(const StageRegistry& registry, const std::vector<std::
         out += "\n| output | kind | |\n|---|---|---|\n";
         for (const OutputArray& o : d->Outputs)
         {
-          out += "| `" + o.Name + "` | " + KindName(o.Kind) + " | " + Cell(o.Doc) + " |\n";
+          out += "| `" + o.Name + "` | " + KindName(o.Kind) + " | " + Cell(OutputNotes(o)) + " |\n";
         }
       }
       if (!d->Properties.empty())

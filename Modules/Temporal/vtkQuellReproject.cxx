@@ -84,11 +84,17 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
   d.Inputs[Depth].Halo = 1;
   d.Inputs[Id].Halo = 1;
   for (int port : { History, Moments, Length, PreviousDepth, PreviousNormal, PreviousId })
+  {
     d.Inputs[port].Delayed = true;
-  d.Output("radiance", ArrayKind::Color, "the history's colour; 0 without history");
-  d.Output("moments", ArrayKind::Moments, "the history's moments");
-  d.Output("history", ArrayKind::History, "the history's length in frames; 0 where there is none");
-  d.Output("mask", ArrayKind::Scalar, "how each pixel got its history or why it has none (0 to 11)");
+    d.Inputs[port].Reach = 2; // Catmull-Rom: 4 x 4; else 2 x 2, or 3 x 3 around the nearest
+  }
+  d.Output("radiance", ArrayKind::Color, "the history's colour; 0 without history").Mean({ "history" }).OrZero();
+  d.Output("moments", ArrayKind::Moments, "the history's moments")
+    .Finite("means add their spread to the second moment, a square");
+  d.Output("history", ArrayKind::History, "the history's length in frames; 0 where there is none")
+    .Mean({ "length" })
+    .OrZero();
+  d.Output("mask", ArrayKind::Scalar, "how each pixel got its history or why it has none (0 to 11)").Within(0, 11);
   QUELL_DOUBLE(d, DepthTolerance, "", "accepted depth difference, in (slope per pixel + DepthEpsilon depth)");
   QUELL_DOUBLE(d, DepthEpsilon, "", "part of the depth tolerated on a surface seen face on");
   QUELL_DOUBLE(d, MovingDepthTolerance, "", "further part of the depth tolerated where the point itself moved");

@@ -37,9 +37,10 @@ void vtkQuellTemporalAccumulate::Describe(quell::StageDescription& d)
   d.OptionalInput("moments", ArrayKind::Moments, "moments", "Reproject's moments");
   d.Input("length", ArrayKind::History, "history", "Reproject's history");
   d.Inputs[0].Halo = 1;
-  d.Output("radiance", ArrayKind::Color, "accumulated colour");
-  d.Output("moments", ArrayKind::Moments, "mean and central second moment of the frames' luminance");
-  d.Output("history", ArrayKind::History, "frames accumulated, at most MaximumHistory");
+  d.Output("radiance", ArrayKind::Color, "accumulated colour").Mean({ "radiance", "history" });
+  d.Output("moments", ArrayKind::Moments, "mean and central second moment of the frames' luminance")
+    .Finite("the second moment is a square");
+  d.Output("history", ArrayKind::History, "frames accumulated, at most MaximumHistory").Within(0, 1048576);
   QUELL_DOUBLE(d, Alpha, "", "smallest weight of the new frame in the colour");
   QUELL_DOUBLE(d, MomentsAlpha, "", "smallest weight of the new frame in the moments");
   QUELL_INT(d, MaximumHistory, "frames", "largest history length; 1 means no history");

@@ -49,9 +49,10 @@ void vtkQuellTemporalAntialias::Describe(quell::StageDescription& d)
   d.OptionalInput("depth", ArrayKind::Depth, "depth", "picks the nearest surface's motion in the 3 x 3");
   d.Input("history", ArrayKind::Color, "radiance", "delayed: this stage's own radiance of the previous frame");
   d.Inputs[History].Delayed = true;
+  d.Inputs[History].Reach = 2; // Catmull-Rom: 4 x 4
   for (int port : { Radiance, Motion, Depth })
     d.Inputs[port].Halo = 1;
-  d.Output("radiance", ArrayKind::Color, "the blended frame, linear");
+  d.Output("radiance", ArrayKind::Color, "the blended frame, linear").Mean({ "radiance", "history" });
   QUELL_DOUBLE(d, Alpha, "", "weight of the new frame");
   QUELL_DOUBLE(d, Gamma, "sigma", "half width of the range that history may keep");
 }

@@ -13,9 +13,11 @@
 #include "vtkQuellCollector.h"
 #include "vtkQuellStage.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <map>
 #include <string>
@@ -38,7 +40,7 @@ enum class Content
 /// What every pixel holds with Content::Constant.
 const float ConstantColor[4] = { 0.7f, 2.3f, 0.11f, 1.f };
 
-float Noise(std::uint32_t x, std::uint32_t y, std::uint32_t c)
+inline float Noise(std::uint32_t x, std::uint32_t y, std::uint32_t c)
 {
   std::uint32_t h = x * 0x9e3779b9u ^ y * 0x85ebca6bu ^ c * 0xc2b2ae35u;
   h ^= h >> 16;
@@ -49,6 +51,9 @@ float Noise(std::uint32_t x, std::uint32_t y, std::uint32_t c)
   return float(h >> 8) * 0x1p-24f;
 }
 
+/// What a test makes of a pixel of an array: `value` holds `n` components of the usual content.
+using quellChange = std::function<void(int x, int y, float* value, int n)>;
+
 /// A tilted plane with a step in depth, a second object and a corner of background.
 class vtkQuellContractSource : public vtkQuellStage
 {
@@ -56,6 +61,22 @@ public:
   QUELL_STAGE(vtkQuellContractSource);
   int Width = 17, Height = 13;
   Content What = Content::Plain;
+  std::uint32_t Salt = 0; ///< other noise
+  int Period = 0;         ///< > 0: the content of so many rows and columns over and over, for frames that are large
+  quellChange Change;
+  std::function<void(quell::FrameFacts&)> Facts;
+
+  /// The whole array as it would be made.
+  std::vector<float> Values(const std::string& name) const
+  {
+    const quell::ArrayType& type = *quell::FindArray(name);
+    std::vector<float> values(std::size_t(this->Width) * this->Height * type.Components);
+    float* v = values.data();
+    for (int y = 0; y < this->Height; ++y)
+      for (int x = 0; x < this->Width; ++x, v += type.Components)
+        this->Make(type, x, y, v, type.Components);
+    return values;
+  }
 
 protected:
   vtkQuellContractSource() { this->InitializePorts(); }
@@ -67,26 +88,47 @@ protected:
   void Execute(quell::StageFrame& frame) override
   {
     const quell::Rect r = frame.Region();
+    if (this->Facts)
+      this->Facts(frame.OutputFacts);
     for (const std::string& name : frame.WantedArrays())
     {
       const quell::ImageOut out = frame.Output(name);
       if (!out)
         continue;
       const quell::ArrayType* type = quell::FindArray(name);
+      const int n = out.components;
+      if (this->Period > 0)
+      {
+        std::vector<float> tile(std::size_t(this->Period) * this->Period * n);
+        for (int i = 0; i < this->Period * this->Period; ++i)
+          this->Make(*type, i % this->Period, i / this->Period, &tile[std::size_t(i) * n], n);
+        for (int y = r.y0; y < r.y1; ++y)
+          for (int x = r.x0; x < r.x1;)
+          {
+            const int from = x % this->Period, count = std::min(r.x1 - x, this->Period - from);
+            std::copy_n(
+              &tile[(std::size_t(y % this->Period) * this->Period + from) * n], std::size_t(count) * n, out.at(x, y));
+            x += count;
+          }
+        continue;
+      }
       for (int y = r.y0; y < r.y1; ++y)
         for (int x = r.x0; x < r.x1; ++x)
-        {
-          const bool background = x + y > this->Width + this->Height - 8 && this->Width > 8;
-          for (int c = 0; c < out.components; ++c)
-            out.at(x, y)[c] = this->What == Content::Constant && type->Kind == quell::ArrayKind::Color
-                                ? ConstantColor[c]
-                              : background ? type->Background
-                                           : this->Pixel(type->Kind, x, y, c);
-        }
+          this->Make(*type, x, y, out.at(x, y), n);
     }
   }
 
 private:
+  void Make(const quell::ArrayType& type, int x, int y, float* value, int n) const
+  {
+    const bool background = x + y > this->Width + this->Height - 8 && this->Width > 8;
+    for (int c = 0; c < n; ++c)
+      value[c] = this->What == Content::Constant && type.Kind == quell::ArrayKind::Color ? ConstantColor[c]
+                 : background                                                            ? type.Background
+                              : this->Pixel(type.Kind, x, y, c);
+    if (this->Change)
+      this->Change(x, y, value, n);
+  }
   float Pixel(quell::ArrayKind kind, int x, int y, int c) const
   {
     const bool second = x > this->Width / 2;
@@ -108,7 +150,7 @@ private:
           if (this->What == Content::Infinite)
             return std::numeric_limits<float>::infinity();
         }
-        return 4 * Noise(x, y, c) * Noise(x, y, c + 7);
+        return 4 * Noise(x, y, c + this->Salt) * Noise(x, y, c + 7 + this->Salt);
       case quell::ArrayKind::Albedo:
         return second && c == 1 ? 0.f : 0.2f + 0.6f * Noise(x / 4, y / 4, c);
       case quell::ArrayKind::Normal:
@@ -142,7 +184,7 @@ void vtkQuellContractSource::Describe(quell::StageDescription& d)
     d.Output(a.Name, a.Kind, a.Doc);
 }
 
-std::string ArrayFor(quell::ArrayKind kind)
+inline std::string ArrayFor(quell::ArrayKind kind)
 {
   switch (kind)
   {
@@ -160,6 +202,27 @@ std::string ArrayFor(quell::ArrayKind kind)
 }
 
 using Pixels = std::map<std::string, std::vector<float>>;
+
+inline Pixels ReadArrays(vtkImageData* image, const quell::ArraySet& names, const quell::Rect& region)
+{
+  Pixels pixels;
+  const int* e = image->GetExtent();
+  for (const std::string& name : names)
+  {
+    auto array = vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(name.c_str()));
+    if (!array)
+      continue;
+    const int n = array->GetNumberOfComponents();
+    std::vector<float>& out = pixels[name];
+    for (int y = region.y0; y < region.y1; ++y)
+    {
+      const float* row =
+        array->GetPointer(0) + ((vtkIdType(y) - e[2]) * (vtkIdType(e[1]) - e[0] + 1) + region.x0 - e[0]) * n;
+      out.insert(out.end(), row, row + std::size_t(region.width()) * n);
+    }
+  }
+  return pixels;
+}
 
 /// One stage with every input connected to a contract source; delayed inputs read the same source as their past.
 struct Bench
@@ -205,27 +268,10 @@ struct Bench
     sink->AddRequest(stage, outputs, region);
     return sink->UpdateTick(0);
   }
-  Pixels Read(const quell::Rect& region)
-  {
-    Pixels pixels;
-    vtkImageData* image = stage->GetOutput();
-    for (const std::string& name : outputs)
-    {
-      auto array = vtkFloatArray::SafeDownCast(image->GetPointData()->GetArray(name.c_str()));
-      if (!array)
-        continue;
-      const int* e = image->GetExtent();
-      const int n = array->GetNumberOfComponents();
-      for (int y = region.y0; y < region.y1; ++y)
-        for (int x = region.x0; x < region.x1; ++x)
-          for (int c = 0; c < n; ++c)
-            pixels[name].push_back(array->GetValue((vtkIdType(y - e[2]) * (e[1] - e[0] + 1) + x - e[0]) * n + c));
-    }
-    return pixels;
-  }
+  Pixels Read(const quell::Rect& region) { return ReadArrays(stage->GetOutput(), outputs, region); }
 };
 
-bool SameBits(const Pixels& a, const Pixels& b, std::string& where)
+inline bool SameBits(const Pixels& a, const Pixels& b, std::string& where)
 {
   for (const auto& entry : a)
   {

@@ -2,6 +2,7 @@
 // Passes, refinement, work that is finished early and goes on elsewhere; memory; extremes of size and depth.
 #include "SourceTesting.h"
 #include "quellCancelToken.h"
+#include "quellFilm.h"
 #include "quellFrameFacts.h"
 #include "vtkCallbackCommand.h"
 #include "vtkFieldData.h"
@@ -587,5 +588,42 @@ TEST(PathTraceExtremes, SizesAndDepths)
     EXPECT_EQ(s->GetCounters().Paths, 2);
     for (int c = 0; c < 3; ++c)
       EXPECT_EQ(Array(s, "radiance")->GetComponent(0, c), Array(whole, "radiance")->GetComponent(9 * 40 + 17, c));
+  }
+}
+
+// The samples' moments, kept in double: noise that is a millionth of its mean, over 100,000 samples.
+TEST(PathTraceStatistics, VarianceOfNoiseFarBelowItsMean)
+{
+  for (const double ratio : { 1., 1e3, 1e4, 1e5, 1e6 })
+  {
+    Film film({ 0, 0, 1, 1 }, { "radiance", "variance", "moments" });
+    const int n = 100000;
+    std::uint64_t state = 88172645463325252ull;
+    std::vector<double> seen;
+    double mean = 0;
+    for (int i = 0; i < n; ++i)
+    {
+      state ^= state << 13, state ^= state >> 7, state ^= state << 17;
+      const float v = float(ratio + std::sqrt(12.) * (double(state >> 11) * 0x1p-53 - 0.5));
+      PathSample sample;
+      sample.Emission = { v, v, v };
+      film.Add(0, 0, i, sample);
+      seen.push_back(v);
+      mean += v;
+    }
+    mean /= n;
+    double exact = 0;
+    for (double v : seen)
+      exact += (v - mean) * (v - mean) / n;
+    const Rect e{ 0, 0, 1, 1 };
+    float moments[2], variance[1], radiance[3];
+    film.Develop("moments", e, n, ImageOut(moments, 2, e));
+    film.Develop("variance", e, n, ImageOut(variance, 1, e));
+    film.Develop("radiance", e, n, ImageOut(radiance, 3, e));
+    EXPECT_NEAR(radiance[1] / mean, 1, 1e-7) << ratio;
+    EXPECT_NEAR(moments[0] / mean, 1, 1e-7) << ratio;
+    EXPECT_NEAR(moments[1] / exact, 1, 1e-3) << ratio;
+    EXPECT_NEAR(double(variance[0]) * (n - 1) / exact, 1, 1e-3) << ratio;
+    EXPECT_NEAR(exact, 1, 0.02) << ratio << ": the noise is what it should be";
   }
 }
