@@ -71,20 +71,29 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
     ->type_name("NAME=FILE")
     ->allow_extra_args(false);
   app->add_option("--out", a.OutputDirectory, "Directory for relative output files")->type_name("DIR");
+  const CLI::Validator positive(
+    [](const std::string& text)
+    {
+      double value = 0;
+      std::string error;
+      const bool good = quell::detail::ParseDouble(text, 0, 1e300, value, error) && value > 0;
+      return good ? std::string() : quell::Quoted(text) + " is not a positive number";
+    },
+    "");
+  app->add_flag("--allow-outside", a.AllowOutside,
+    "Let the pipeline write to files outside of the working directory or DIR; what --output and --set name may lie "
+    "anywhere");
   app
     ->add_option("--memory", a.MemoryMegabytes,
       "Make each frame in bands of rows where the arrays between the stages would need more than this many 10^6 bytes, "
-      "or refuse to start where bands do not do; scene and scratch come on top")
+      "or refuse to start where bands do not do; scene and scratch come on top. Default: half of the machine's memory")
     ->type_name("MB")
-    ->check(CLI::Validator(
-      [](const std::string& text)
-      {
-        double value = 0;
-        std::string error;
-        const bool good = quell::detail::ParseDouble(text, 0, 1e300, value, error) && value > 0;
-        return good ? std::string() : quell::Quoted(text) + " is not a positive number";
-      },
-      ""));
+    ->check(positive);
+  app
+    ->add_option("--scene-memory", a.SceneMemoryMegabytes,
+      "Refuse scenes whose vertices, textures and instances take more; default half of the machine's memory")
+    ->type_name("MB")
+    ->check(positive);
 }
 }
 
@@ -119,6 +128,9 @@ int Run(int argc, char** argv)
   std::string checked;
   CLI::App* checkApp = app.add_subcommand("check", "Report every mistake of a pipeline file");
   checkApp->add_option("FILE", checked, "Pipeline file, or an EXR that a run wrote")->required();
+  bool checkOutside = false;
+  checkApp->add_flag(
+    "--allow-outside", checkOutside, "Files outside of the working directory are no mistake (see quell run)");
 
   quell::NodesArguments nodes;
   CLI::App* nodesApp = app.add_subcommand("nodes", "List stage types, or describe one");
@@ -285,7 +297,7 @@ int Run(int argc, char** argv)
     }
     if (*checkApp)
     {
-      return quell::CheckCommand(checked);
+      return quell::CheckCommand(checked, checkOutside);
     }
     if (*nodesApp)
     {

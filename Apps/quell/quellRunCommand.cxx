@@ -615,7 +615,6 @@ int RunCommand(const RunArguments& arguments)
   const InterruptScope interrupts(
     token.get(), "quell: finishing this frame with the samples it has; again to give it up");
   executor.SetCancelToken(token);
-  if (arguments.MemoryMegabytes > 0)
   {
     const ExecutionPlan plan = CheckedPlan(arguments, run);
     if (!plan.Error.empty())
