@@ -12,6 +12,7 @@
 #include <CLI/CLI.hpp>
 #include <tbb/global_control.h>
 
+#include <csignal>
 #include <cstdio>
 #include <iostream>
 #include <exception>
@@ -86,7 +87,7 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
   app
     ->add_option("--memory", a.MemoryMegabytes,
       "Make each frame in bands of rows where the arrays between the stages would need more than this many 10^6 bytes, "
-      "or refuse to start where bands do not do; scene and scratch come on top. Default: half of the machine's memory")
+      "or refuse to start where bands do not do; scene and scratch come on top. Default: a quarter of the machine's memory")
     ->type_name("MB")
     ->check(positive);
   app
@@ -336,6 +337,10 @@ int Run(int argc, char** argv)
 
 int main(int argc, char** argv)
 {
+  // A reader that is gone and a file that may not grow are errors like others: the frame's file must not stay half
+  // written, the exit status be ours.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
   const int status = Run(argc, argv);
   // What was printed may be the result: a full disk behind it is a failure.
   std::cout.flush();

@@ -392,12 +392,12 @@ ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)
 {
   std::string error;
   const bool given = a.MemoryMegabytes > 0;
-  const double bytes = given ? a.MemoryMegabytes * 1e6 : double(MachineMemory()) / 2;
+  const double bytes = given ? a.MemoryMegabytes * 1e6 : double(MachineMemory()) / 4;
   ExecutionPlan plan = FitPlan(*run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance, bytes, error);
   if (!error.empty())
   {
     throw UsageError((given ? "--memory " + detail::FormatDouble(a.MemoryMegabytes)
-                            : "the frame is too large for half of this machine's memory, " + BytesText(bytes)) +
+                            : "the frame is too large for a quarter of this machine's memory, " + BytesText(bytes)) +
                      ": " + error + (given ? "" : "; --memory MB allows more") + "; nothing was executed");
   }
   return plan;

@@ -11,11 +11,13 @@
 #include "vtkNew.h"
 #include "vtkPointData.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cctype>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -25,7 +27,9 @@
 #include <functional>
 #include <limits>
 #include <set>
+#include <utility>
 
+#include <fcntl.h>
 #include <unistd.h>
 
 namespace fs = std::filesystem;
@@ -735,12 +739,25 @@ public:
     this->Path = (p.parent_path() / ("." + p.filename().string() + "." + std::to_string(getpid()) + "-" +
                                       std::to_string(counter++) + ".part"))
                    .string();
+    // Made anew, so that no link that waits under this name is followed.
+    this->File = open(this->Path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (this->File < 0)
+      Refuse(
+        "write", target, std::string("no file can be made there: ") + std::strerror(errno), "choose another place");
   }
   ~TemporaryFile()
   {
     std::error_code ec;
+    if (this->File >= 0)
+      close(this->File);
     if (!this->Done)
       fs::remove(this->Path, ec);
+  }
+  /// 0, or errno.
+  int Close()
+  {
+    const int file = std::exchange(this->File, -1);
+    return file >= 0 && close(file) != 0 ? errno : 0;
   }
   TemporaryFile(const TemporaryFile&) = delete;
   void operator=(const TemporaryFile&) = delete;
@@ -753,10 +770,92 @@ public:
     this->Done = true;
   }
   std::string Path;
+  int File = -1;
 
 private:
   std::string Target;
   bool Done = false;
+};
+
+/// Where the library writes to. Some of its formats ignore that a disk is full, and one ends the process: they are told
+/// that all went well, and Error() tells us.
+class CheckedFile : public OIIO::Filesystem::IOProxy
+{
+public:
+  CheckedFile(const std::string& name, int file)
+    : IOProxy(name, Write)
+    , File(file)
+  {
+  }
+  const char* proxytype() const override { return "quell"; } // of "file" the library would want its FILE
+  std::size_t write(const void* data, std::size_t size) override
+  {
+    if (this->m_pos != this->Start + std::int64_t(this->Buffer.size()) || this->Buffer.size() + size > (1u << 20))
+    {
+      this->Flush();
+      this->Start = this->m_pos;
+    }
+    if (size > (1u << 20))
+      this->Put(data, size, this->m_pos);
+    else
+      this->Buffer.append(static_cast<const char*>(data), size);
+    this->m_pos += std::int64_t(size);
+    if (size > (1u << 20))
+      this->Start = this->m_pos;
+    this->End = std::max(this->End, this->m_pos);
+    return size;
+  }
+  std::size_t pwrite(const void* data, std::size_t size, int64_t offset) override
+  {
+    this->Flush();
+    this->Put(data, size, offset);
+    this->End = std::max<std::int64_t>(this->End, offset + std::int64_t(size));
+    return size;
+  }
+  std::size_t pread(void* data, std::size_t size, int64_t offset) override
+  {
+    this->Flush();
+    const ssize_t n = ::pread(this->File, data, size, offset);
+    return n > 0 ? std::size_t(n) : 0;
+  }
+  std::size_t read(void* data, std::size_t size) override
+  {
+    const std::size_t n = this->pread(data, size, this->m_pos);
+    this->m_pos += std::int64_t(n);
+    return n;
+  }
+  std::size_t size() const override { return std::size_t(this->End); }
+  void Flush()
+  {
+    this->Put(this->Buffer.data(), this->Buffer.size(), this->Start);
+    this->Start += std::int64_t(this->Buffer.size());
+    this->Buffer.clear();
+  }
+  int Error() const { return this->Failure; } ///< errno of the first write that failed
+
+private:
+  void Put(const void* data, std::size_t size, std::int64_t at)
+  {
+    const char* from = static_cast<const char*>(data);
+    while (size > 0 && this->Failure == 0)
+    {
+      const ssize_t n = ::pwrite(this->File, from, size, at);
+      if (n < 0 && errno == EINTR)
+        continue;
+      if (n <= 0)
+        this->Failure = n < 0 ? errno : ENOSPC;
+      else
+      {
+        from += n;
+        at += n;
+        size -= std::size_t(n);
+      }
+    }
+  }
+
+  int File, Failure = 0;
+  std::string Buffer;
+  std::int64_t Start = 0, End = 0; ///< of the buffer; of the file
 };
 
 /// Keeps float32 for what half would spoil: exact integers, distances, offsets and squares.
@@ -945,7 +1044,9 @@ OIIO::ImageSpec PlainSpec(const PlainLayers& plain, const std::string& extension
     spec.alpha_channel = plain.Channels;
     spec.attribute("oiio:UnassociatedAlpha", 1);
   }
-  spec.attribute("oiio:ColorSpace", plain.Linear ? "Linear" : "sRGB");
+  // In a TIFF it becomes Exif data, which OpenImageIO 2.4 writes wrongly through a proxy; sRGB is what readers assume.
+  if (extension != ".tif" && extension != ".tiff")
+    spec.attribute("oiio:ColorSpace", plain.Linear ? "Linear" : "sRGB");
   if (extension == ".jpg" || extension == ".jpeg")
     spec.attribute("Compression", "jpeg:95");
   return spec;
@@ -968,6 +1069,18 @@ std::string KnownExtension(const std::string& path)
 }
 }
 
+namespace
+{
+/// Renaming would replace a file that somebody has made read-only.
+void CheckUnprotected(const std::string& path)
+{
+  std::error_code ec;
+  if (fs::is_regular_file(path, ec) && access(path.c_str(), W_OK) != 0)
+    Refuse("write", path, "the file that is there may not be written (" + std::string(std::strerror(errno)) + ")",
+      "choose another name, or change its permissions");
+}
+}
+
 void CheckWritable(const std::string& path)
 {
   if (path.empty())
@@ -984,6 +1097,7 @@ void CheckWritable(const std::string& path)
     Refuse("write", path, "\"" + place.string() + "\" is not a directory", "choose another place");
   if (access(place.c_str(), W_OK) != 0)
     Refuse("write", path, "no files can be made in \"" + place.string() + "\"", "choose another place");
+  CheckUnprotected(path);
 }
 
 struct ImageFileWriter::Internals
@@ -994,6 +1108,7 @@ struct ImageFileWriter::Internals
   Rect Region;
   int Width = 0, Height = 0;
   std::unique_ptr<TemporaryFile> Temporary;
+  std::unique_ptr<CheckedFile> File;
   std::unique_ptr<OIIO::ImageOutput> Output; ///< closed before the temporary file goes
   OIIO::ImageSpec Spec;
   PlainLayers Plain;
@@ -1006,6 +1121,12 @@ struct ImageFileWriter::Internals
   void Open(const std::vector<OutLayer>& layers);
   void FillExr(const std::vector<OutLayer>& layers, int y, float* row);
   void FillPlain(const std::vector<OutLayer>& layers, int y, float* row);
+  void CheckWrites(int error) const
+  {
+    if (error)
+      Refuse("write", this->Path, std::strerror(error),
+        error == ENOSPC || error == EDQUOT ? "make room there, or choose another place" : "choose another place");
+  }
 };
 
 void ImageFileWriter::Internals::Open(const std::vector<OutLayer>& layers)
@@ -1028,13 +1149,19 @@ void ImageFileWriter::Internals::Open(const std::vector<OutLayer>& layers)
     this->Plain = FindPlainLayers(this->Path, this->Extension, layers);
     this->Spec = PlainSpec(this->Plain, this->Extension, this->Region);
   }
+  CheckUnprotected(this->Path);
   this->Temporary = std::make_unique<TemporaryFile>(this->Path);
   // The extension alone, without a dot, names the format.
   this->Output = OIIO::ImageOutput::create(this->Exr() ? "openexr" : this->Extension.substr(1));
   if (!this->Output)
     Refuse("write", this->Path, "OpenImageIO writes no " + this->Extension + " files",
       "write .exr, .png, .jpg, .tif or .hdr");
-  if (!this->Output->open(this->Temporary->Path, this->Spec))
+  this->File = std::make_unique<CheckedFile>(this->Temporary->Path, this->Temporary->File);
+  if (!this->Output->set_ioproxy(this->File.get()))
+    Refuse("write", this->Path, "OpenImageIO writes " + this->Extension + " files only by itself", "write .exr");
+  const bool opened = this->Output->open(this->Temporary->Path, this->Spec);
+  this->CheckWrites(this->File->Error());
+  if (!opened)
     Refuse("write", this->Path, OneLine(this->Output->geterror()), "check that the directory can be written to");
   this->Clamped.assign(layers.size(), 0);
   for (const OutLayer& layer : layers)
@@ -1152,8 +1279,10 @@ void ImageFileWriter::Write(const Rect& band, vtkImageData* image, const std::ve
         for (int i = 0; i < count; ++i)
           in.Exr() ? in.FillExr(ready, top - 1 - i, buffer.data() + row * i)
                    : in.FillPlain(ready, top - 1 - i, buffer.data() + row * i);
-        if (!in.Output->write_scanlines(first, first + count, 0, OIIO::TypeFloat, buffer.data()))
-          Refuse("write", in.Path, OneLine(in.Output->geterror()), "is the disk full?");
+        const bool written = in.Output->write_scanlines(first, first + count, 0, OIIO::TypeFloat, buffer.data());
+        in.CheckWrites(in.File->Error());
+        if (!written)
+          Refuse("write", in.Path, OneLine(in.Output->geterror()), "");
       }
       in.Next = band.y0;
     });
@@ -1167,8 +1296,12 @@ WriteReport ImageFileWriter::Finish()
     {
       if (!in.Output || in.Next != in.Region.y0)
         Refuse("write", in.Path, "rows of it are missing", "");
-      if (!in.Output->close())
-        Refuse("write", in.Path, OneLine(in.Output->geterror()), "is the disk full?");
+      const bool closed = in.Output->close();
+      in.File->Flush();
+      in.CheckWrites(in.File->Error());
+      in.CheckWrites(in.Temporary->Close());
+      if (!closed)
+        Refuse("write", in.Path, OneLine(in.Output->geterror()), "");
       in.Temporary->Rename();
     });
   WriteReport& report = in.Report;

@@ -78,10 +78,13 @@ void SceneMemory::Take(std::uint64_t bytes)
     return;
   const std::uint64_t limit = SceneMemoryLimit();
   if (bytes > limit || self->Taken > limit - bytes)
+  {
+    std::ostringstream megabytes;
+    megabytes << double(limit) / 1e6;
     Fail(self->File, "",
-      "vertices, textures and instances take more than the " + std::to_string(limit / 1000000) +
-        " MB that a scene may have",
+      "vertices, textures and instances take more than the " + megabytes.str() + " MB that a scene may have",
       "use a smaller scene, or allow more with --scene-memory MB");
+  }
   self->Taken += bytes;
 }
 
