@@ -327,6 +327,11 @@ int Run(int argc, char** argv)
     std::fprintf(stderr, "quell: error: %s\n", e.what());
     return quell::ExitUsage;
   }
+  catch (const std::bad_alloc&)
+  {
+    std::fprintf(stderr, "quell: error: there is not enough memory\n");
+    return quell::ExitFailed;
+  }
   catch (const std::exception& e)
   {
     std::fprintf(stderr, "quell: error: %s\n", e.what());

@@ -32,7 +32,7 @@ std::uint32_t LittleEndian(const std::string& b, std::size_t at, int bytes)
 
 ImageFault CheckSize(std::int64_t width, std::int64_t height, std::int64_t fileBytes)
 {
-  if (width * height > MaximumImagePixels)
+  if (width > MaximumImagePixels || height > MaximumImagePixels || width * height > MaximumImagePixels)
     return { "its header declares more than " + std::to_string(MaximumImagePixels) + " pixels", Damaged };
   if (width * height > std::max(FreeImageBytes, fileBytes * MaximumPackingRatio) / 2)
     return { "its header declares " + std::to_string(width) + " x " + std::to_string(height) +
