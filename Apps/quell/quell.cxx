@@ -12,6 +12,7 @@
 #include <CLI/CLI.hpp>
 #include <tbb/global_control.h>
 
+#include <csignal>
 #include <cstdio>
 #include <iostream>
 #include <exception>
@@ -71,20 +72,29 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
     ->type_name("NAME=FILE")
     ->allow_extra_args(false);
   app->add_option("--out", a.OutputDirectory, "Directory for relative output files")->type_name("DIR");
+  const CLI::Validator positive(
+    [](const std::string& text)
+    {
+      double value = 0;
+      std::string error;
+      const bool good = quell::detail::ParseDouble(text, 0, 1e300, value, error) && value > 0;
+      return good ? std::string() : quell::Quoted(text) + " is not a positive number";
+    },
+    "");
+  app->add_flag("--allow-outside", a.AllowOutside,
+    "Let the pipeline write to files outside of the working directory or DIR; what --output and --set name may lie "
+    "anywhere");
   app
     ->add_option("--memory", a.MemoryMegabytes,
       "Make each frame in bands of rows where the arrays between the stages would need more than this many 10^6 bytes, "
-      "or refuse to start where bands do not do; scene and scratch come on top")
+      "or refuse to start where bands do not do; scene and scratch come on top. Default: a quarter of the machine's memory")
     ->type_name("MB")
-    ->check(CLI::Validator(
-      [](const std::string& text)
-      {
-        double value = 0;
-        std::string error;
-        const bool good = quell::detail::ParseDouble(text, 0, 1e300, value, error) && value > 0;
-        return good ? std::string() : quell::Quoted(text) + " is not a positive number";
-      },
-      ""));
+    ->check(positive);
+  app
+    ->add_option("--scene-memory", a.SceneMemoryMegabytes,
+      "Refuse scenes whose vertices, textures and instances take more; default half of the machine's memory")
+    ->type_name("MB")
+    ->check(positive);
 }
 }
 
@@ -119,6 +129,9 @@ int Run(int argc, char** argv)
   std::string checked;
   CLI::App* checkApp = app.add_subcommand("check", "Report every mistake of a pipeline file");
   checkApp->add_option("FILE", checked, "Pipeline file, or an EXR that a run wrote")->required();
+  bool checkOutside = false;
+  checkApp->add_flag(
+    "--allow-outside", checkOutside, "Files outside of the working directory are no mistake (see quell run)");
 
   quell::NodesArguments nodes;
   CLI::App* nodesApp = app.add_subcommand("nodes", "List stage types, or describe one");
@@ -285,7 +298,7 @@ int Run(int argc, char** argv)
     }
     if (*checkApp)
     {
-      return quell::CheckCommand(checked);
+      return quell::CheckCommand(checked, checkOutside);
     }
     if (*nodesApp)
     {
@@ -314,6 +327,11 @@ int Run(int argc, char** argv)
     std::fprintf(stderr, "quell: error: %s\n", e.what());
     return quell::ExitUsage;
   }
+  catch (const std::bad_alloc&)
+  {
+    std::fprintf(stderr, "quell: error: there is not enough memory\n");
+    return quell::ExitFailed;
+  }
   catch (const std::exception& e)
   {
     std::fprintf(stderr, "quell: error: %s\n", e.what());
@@ -324,6 +342,10 @@ int Run(int argc, char** argv)
 
 int main(int argc, char** argv)
 {
+  // A reader that is gone and a file that may not grow are errors like others: the frame's file must not stay half
+  // written, the exit status be ours.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
   const int status = Run(argc, argv);
   // What was printed may be the result: a full disk behind it is a failure.
   std::cout.flush();

@@ -18,6 +18,7 @@ bool Learn(const std::string& file, const CalibrateArguments& a, CostModel& mode
   PipelineArguments arguments;
   arguments.File = file;
   arguments.Defines = a.Defines;
+  arguments.AllowOutside = true; // nothing is written
   int errors = 0;
   const std::shared_ptr<Graph> graph = LoadPipelineOrImage(file, GraphOptionsOf(arguments), errors);
   if (!graph)

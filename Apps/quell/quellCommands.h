@@ -40,7 +40,10 @@ struct PipelineArguments
   std::optional<long long> Seed;
   std::string Frames, Region, OutputDirectory;
   double WarmUpTolerance = 1e-3;
-  double MemoryMegabytes = 0; ///< 0: no limit
+  double MemoryMegabytes = 0;      ///< 0: a quarter of the machine's
+  double SceneMemoryMegabytes = 0; ///< 0: half of the machine's
+  bool DiscardsOutputs = false;    ///< files are thrown away: those outside are put elsewhere
+  bool AllowOutside = false;       ///< the pipeline may write outside of OutputDirectory
 };
 struct RunArguments : PipelineArguments
 {
@@ -89,7 +92,7 @@ const StageRegistry& AllStages();
 
 int RunCommand(const RunArguments& arguments);
 int ExplainCommand(const ExplainArguments& arguments);
-int CheckCommand(const std::string& file);
+int CheckCommand(const std::string& file, bool allowOutside);
 int NodesCommand(const NodesArguments& arguments);
 int CompareCommand(const CompareArguments& arguments);
 int VerifyCommand(const VerifyArguments& arguments);
@@ -114,12 +117,13 @@ struct PreparedRun
 std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors);
 /// The same, not yet made a graph; null after an error.
 std::shared_ptr<const PipelineDocument> ReadDocument(const std::string& file);
-/// -D, --set, --output, --seed and --out.
+/// -D, --set, --output, --seed, --out and --allow-outside.
 GraphOptions GraphOptionsOf(const PipelineArguments& arguments);
 /// "A:B" are frames A to B, both of them, "N" is one; `end` is one behind the last. Empty: all. Throws UsageError.
 void ParseFrames(
   const std::string& text, const Timeline& ticks, int& first, int& end, const std::string& whose = "the pipeline");
-/// The plan of a run, in bands where --memory asks for that; throws UsageError when it needs more all the same.
+/// The plan of a run, in bands where --memory, or without it the machine's memory, asks for that; throws UsageError when
+/// it needs more all the same.
 ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);
 /// What stages cost, of this machine where it was measured; a file that cannot be read is warned of.
 CostModel LoadCosts();

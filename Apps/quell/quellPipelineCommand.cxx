@@ -3,6 +3,7 @@
 #include "quellCommands.h"
 #include "quellExplain.h"
 #include "quellImageFile.h"
+#include "quellMemoryLimits.h"
 #include "quellPipelineReader.h"
 #include "quellProvenance.h"
 
@@ -227,6 +228,7 @@ GraphOptions GraphOptionsOf(const PipelineArguments& a)
   }
   options.Seed = a.Seed;
   options.OutputDirectory = a.OutputDirectory;
+  options.Outside = a.AllowOutside ? OutsideOutputs::Allowed : OutsideOutputs::Refused;
   return options;
 }
 
@@ -293,7 +295,18 @@ static void CheckFiles(const PipelineArguments& a, const PreparedRun& run)
 
 bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
 {
-  const GraphOptions options = GraphOptionsOf(a);
+  GraphOptions options = GraphOptionsOf(a);
+  if (a.DiscardsOutputs)
+  {
+    options.Outside = OutsideOutputs::Moved;
+  }
+  // The plan counts arrays between stages; the limit stops what it does not know of.
+  SetPixelMemoryLimit(std::uint64_t(std::min(1e18, std::max(0., a.MemoryMegabytes) * 2e6)));
+  if (PixelMemoryLimit() < MachineMemory() / 4 * 3)
+  {
+    SetPixelMemoryLimit(0);
+  }
+  SetSceneMemoryLimit(std::uint64_t(std::min(1e18, std::max(0., a.SceneMemoryMegabytes) * 1e6)));
   run.Region = ParseRegion(a.Region);
 
   int errors = 0;
@@ -378,11 +391,14 @@ std::shared_ptr<const PipelineDocument> ReadDocument(const std::string& file)
 ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)
 {
   std::string error;
-  ExecutionPlan plan = FitPlan(
-    *run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance, std::max(0., a.MemoryMegabytes) * 1e6, error);
+  const bool given = a.MemoryMegabytes > 0;
+  const double bytes = given ? a.MemoryMegabytes * 1e6 : double(MachineMemory()) / 4;
+  ExecutionPlan plan = FitPlan(*run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance, bytes, error);
   if (!error.empty())
   {
-    throw UsageError("--memory " + detail::FormatDouble(a.MemoryMegabytes) + ": " + error + "; nothing was executed");
+    throw UsageError((given ? "--memory " + detail::FormatDouble(a.MemoryMegabytes)
+                            : "the frame is too large for a quarter of this machine's memory, " + BytesText(bytes)) +
+                     ": " + error + (given ? "" : "; --memory MB allows more") + "; nothing was executed");
   }
   return plan;
 }
@@ -403,10 +419,12 @@ int ThreadCount()
   return std::max(1, vtkSMPTools::GetEstimatedNumberOfThreads());
 }
 
-int CheckCommand(const std::string& file)
+int CheckCommand(const std::string& file, bool allowOutside)
 {
   int errors = 0;
-  const std::shared_ptr<Graph> graph = LoadPipelineOrImage(file, GraphOptions(), errors);
+  GraphOptions options;
+  options.Outside = allowOutside ? OutsideOutputs::Allowed : OutsideOutputs::Refused;
+  const std::shared_ptr<Graph> graph = LoadPipelineOrImage(file, options, errors);
   if (!graph)
   {
     std::fprintf(stderr, "%s\n", CountText(errors, "error").c_str());

@@ -581,12 +581,18 @@ bool WriteStats(const std::string& file, const PreparedRun& run, const Times& ti
       out["nodes"].back()["estimatedSeconds"] = planned->Seconds * double(k.Executions);
     }
   }
-  std::ofstream stream(file);
+  // Whole or not at all, as frames are.
+  const std::filesystem::path path(file);
+  const std::string part =
+    (path.parent_path() / ("." + path.filename().string() + "." + std::to_string(getpid()) + ".part")).string();
+  errno = 0;
+  std::ofstream stream(part);
   stream << out.dump(2) << "\n";
-  stream.flush();
-  if (!stream)
+  stream.close();
+  if (!stream || std::rename(part.c_str(), file.c_str()) != 0)
   {
     std::fprintf(stderr, "quell: error: --stats %s cannot be written: %s\n", file.c_str(), std::strerror(errno));
+    std::remove(part.c_str());
     return false;
   }
   return true;
@@ -615,7 +621,6 @@ int RunCommand(const RunArguments& arguments)
   const InterruptScope interrupts(
     token.get(), "quell: finishing this frame with the samples it has; again to give it up");
   executor.SetCancelToken(token);
-  if (arguments.MemoryMegabytes > 0)
   {
     const ExecutionPlan plan = CheckedPlan(arguments, run);
     if (!plan.Error.empty())

@@ -82,6 +82,7 @@ int TradeoffCommand(const TradeoffArguments& a)
   options.Repeats = a.Repeats;
   options.Directory = a.OutputDirectory;
   options.Graph.OutputDirectory.clear();
+  options.Graph.Outside = OutsideOutputs::Allowed; // none of them is written
   options.Ledger = !a.NoLedger;
   if (!a.Budget.empty())
   {

@@ -116,6 +116,7 @@ int VerifyCommand(const VerifyArguments& a)
   PipelineArguments arguments;
   arguments.File = a.File;
   arguments.OutputDirectory = place.Path;
+  arguments.DiscardsOutputs = true;
   arguments.Region = Entry(said, "region");
   PreparedRun run;
   if (!PrepareRun(arguments, run))

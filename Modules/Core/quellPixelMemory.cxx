@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellPixelMemory.h"
 
+#include "quellMemoryLimits.h"
+#include "quellStageDescription.h"
+
 #include <sys/mman.h>
 
 #include <algorithm>
@@ -92,27 +95,39 @@ float* NewBlock(std::size_t size, std::size_t number)
 
 float* TakePixelMemory(std::size_t floats)
 {
+  if (floats > std::size_t(-1) / sizeof(float) - 2 * LargePage)
+    throw std::bad_alloc();
   const std::size_t size = (floats * sizeof(float) + Line - 1) / Line * Line;
+  if (!detail::ClaimPixels(size))
+    throw StageError(detail::PixelLimitText(size, "an array"));
   std::size_t number = 0;
+  try
   {
+    {
+      Pool& pool = ThePool();
+      std::lock_guard<std::mutex> lock(pool.Mutex);
+      for (std::size_t i = pool.Free.size(); i-- > 0;)
+        if (HeaderOf(pool.Free[i]).Size == size)
+        {
+          float* block = pool.Free[i];
+          pool.Free.erase(pool.Free.begin() + std::ptrdiff_t(i));
+          pool.Bytes -= size;
+          pool.Take(size);
+          return block;
+        }
+      number = pool.Made++;
+    }
+    float* block = NewBlock(size, number);
     Pool& pool = ThePool();
     std::lock_guard<std::mutex> lock(pool.Mutex);
-    for (std::size_t i = pool.Free.size(); i-- > 0;)
-      if (HeaderOf(pool.Free[i]).Size == size)
-      {
-        float* block = pool.Free[i];
-        pool.Free.erase(pool.Free.begin() + std::ptrdiff_t(i));
-        pool.Bytes -= size;
-        pool.Take(size);
-        return block;
-      }
-    number = pool.Made++;
+    pool.Take(size);
+    return block;
   }
-  float* block = NewBlock(size, number);
-  Pool& pool = ThePool();
-  std::lock_guard<std::mutex> lock(pool.Mutex);
-  pool.Take(size);
-  return block;
+  catch (...)
+  {
+    detail::ReleasePixels(size);
+    throw;
+  }
 }
 
 void GivePixelMemory(void* memory) noexcept
@@ -123,6 +138,7 @@ void GivePixelMemory(void* memory) noexcept
   Pool& pool = ThePool();
   std::lock_guard<std::mutex> lock(pool.Mutex);
   const std::size_t size = HeaderOf(block).Size;
+  detail::ReleasePixels(size);
   pool.Used -= size;
   if (++pool.Given == Window)
   {

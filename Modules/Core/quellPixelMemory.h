@@ -16,7 +16,7 @@ namespace quell
 /// What nobody uses is kept while there are PixelMemoryKept bytes of it or less, or while it and what is in use are no
 /// more than was in use at once before; a peak is forgotten after some thousand blocks were given back.
 constexpr std::size_t PixelMemoryKept = std::size_t(64) << 20;
-/// Contents are arbitrary. Throws std::bad_alloc.
+/// Contents are arbitrary. Throws std::bad_alloc, and StageError beyond PixelMemoryLimit() (quellMemoryLimits.h).
 VTKQUELLCORE_EXPORT float* TakePixelMemory(std::size_t floats);
 VTKQUELLCORE_EXPORT void GivePixelMemory(void* memory) noexcept;
 /// Bytes that are kept and used by nobody.

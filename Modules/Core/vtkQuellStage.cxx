@@ -22,6 +22,7 @@
 #include <cstring>
 #include <exception>
 #include <mutex>
+#include <new>
 #include <thread>
 
 using SDDP = vtkStreamingDemandDrivenPipeline;
@@ -355,6 +356,10 @@ int vtkQuellStage::RequestInformation(
         }
     }
   }
+  catch (const std::bad_alloc&)
+  {
+    return this->Fail("there is not enough memory");
+  }
   catch (const std::exception& e)
   {
     return this->Fail(e.what());
@@ -521,6 +526,10 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
       for (const std::string& name : asked)
         if (!output->GetPointData()->GetArray(name.c_str()))
           throw quell::StageError("no array \"" + name + "\"; it has " + ArrayList(output));
+  }
+  catch (const std::bad_alloc&)
+  {
+    return this->Fail("there is not enough memory");
   }
   catch (const std::exception& error)
   {

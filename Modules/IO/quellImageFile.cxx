@@ -2,6 +2,8 @@
 #include "quellImageFile.h"
 
 #include "quellAovNames.h"
+#include "quellImageGuard.h"
+#include "quellMemoryLimits.h"
 
 #include "vtkFieldData.h"
 #include "vtkFloatArray.h"
@@ -9,11 +11,13 @@
 #include "vtkNew.h"
 #include "vtkPointData.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cctype>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -23,7 +27,9 @@
 #include <functional>
 #include <limits>
 #include <set>
+#include <utility>
 
+#include <fcntl.h>
 #include <unistd.h>
 
 namespace fs = std::filesystem;
@@ -33,11 +39,6 @@ namespace quell
 namespace
 {
 constexpr float MaximumHalf = 65504.f;
-/// Frames beyond this are a damaged header, not a picture: 16384 x 8192.
-constexpr std::int64_t MaximumPixels = std::int64_t(1) << 27;
-/// No codec here packs more than this many bytes of pixels into one byte of file; small files may declare a little.
-constexpr std::int64_t MaximumRatio = 16384, FreeBytes = std::int64_t(256) << 20;
-
 [[noreturn]] void Refuse(
   const char* doing, const std::string& path, const std::string& cause, const std::string& remedy)
 {
@@ -47,20 +48,15 @@ constexpr std::int64_t MaximumRatio = 16384, FreeBytes = std::int64_t(256) << 20
   throw StageError(text);
 }
 
-/// The library's last words, in one line.
-std::string OneLine(std::string text)
+std::int64_t FileBytes(const std::string& path)
 {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  while (!text.empty() && (text.back() == ' ' || text.back() == '.'))
-    text.pop_back();
-  if (text.size() > 300)
-    text = text.substr(0, 297) + "...";
-  return text.empty() ? "the file is damaged" : text;
+  std::error_code ec;
+  const auto size = fs::file_size(path, ec);
+  return ec ? 0 : std::int64_t(size);
 }
 
-/// OpenImageIO picks its plug-in by extension and then tries all of them. Version 2.4's readers of BMP, Targa, TIFF,
-/// PSD and more end the process on damaged files, so the first bytes decide here, among formats that hold.
-std::string SniffFormat(const std::string& path)
+/// Among formats whose readers hold (quellImageGuard.h), with sizes that can be.
+std::string CheckedFormat(const std::string& path)
 {
   std::error_code ec;
   const fs::file_status status = fs::status(path, ec);
@@ -68,99 +64,24 @@ std::string SniffFormat(const std::string& path)
     Refuse("read", path, "there is no such file", "check the path (input paths are relative to the pipeline file)");
   if (fs::is_directory(status))
     Refuse("read", path, "it is a directory", "name a file in it, or a pattern such as frame.####.exr");
-  if (fs::is_fifo(status) || fs::is_socket(status))
-    Refuse(
-      "read", path, "it is a pipe", "images are read from files, more than once"); // opening it would wait for ever
+  if (!fs::is_regular_file(status)) // opening it might wait for ever
+    Refuse("read", path, fs::is_fifo(status) || fs::is_socket(status) ? "it is a pipe" : "it is a device",
+      "images are read from files, more than once");
   std::ifstream in(path, std::ios::binary);
   if (!in)
     Refuse("read", path, "permission denied", "check the file's permissions");
-  char b[16] = {};
-  in.read(b, sizeof(b));
-  const auto n = in.gcount();
-  const std::string head(b, size_t(n));
-  const auto starts = [&](const char* s, size_t length) { return head.compare(0, length, s, length) == 0; };
-  if (n == 0)
+  char head[16] = {};
+  in.read(head, sizeof head);
+  if (in.gcount() == 0)
     Refuse("read", path, "the file is empty", "write it again");
-  if (starts("\x76\x2f\x31\x01", 4))
-    return "openexr";
-  if (starts("\x89PNG", 4))
-    return "png";
-  if (starts("\xff\xd8\xff", 3))
-    return "jpeg";
-  if (starts("#?", 2))
-    return "hdr";
-  if (n > 2 && head[0] == 'P' && (std::strchr("123456", head[1]) || head[1] == 'F' || head[1] == 'f') &&
-      std::isspace(static_cast<unsigned char>(head[2])))
-    return "pnm";
-  Refuse(
-    "read", path, "this is no image format that Quell reads", "convert it to OpenEXR (also read: HDR, PNG, JPEG, PNM)");
-}
-
-std::uint32_t BigEndian(const std::string& b, size_t at, int bytes)
-{
-  std::uint32_t v = 0;
-  for (int i = 0; i < bytes; ++i)
-    v = v << 8 | static_cast<unsigned char>(b[at + size_t(i)]);
-  return v;
-}
-
-/// Walks the segments before the first scan: the plug-in overruns a damaged colour profile and, where a file is
-/// progressive, allocates the declared size while it is being opened.
-void CheckJpeg(const std::string& path)
-{
-  const char* const damaged = "the file is damaged: write it again";
-  std::ifstream in(path, std::ios::binary);
-  in.seekg(2);
-  std::string profile;
-  for (int segments = 0; segments < 100000; ++segments)
-  {
-    int marker = in.get();
-    if (marker != 0xff)
-      Refuse("read", path, "its JPEG segments are broken", damaged);
-    while (marker == 0xff)
-      marker = in.get();
-    if (marker == 0xda || marker == 0xd9)
-      break;
-    if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8))
-      continue;
-    std::string head(2, '\0');
-    if (!in.read(&head[0], 2) || BigEndian(head, 0, 2) < 2)
-      Refuse("read", path, "its JPEG segments are broken", damaged);
-    std::string body(BigEndian(head, 0, 2) - 2, '\0');
-    if (!body.empty() && !in.read(&body[0], std::streamsize(body.size())))
-      Refuse("read", path, "it ends inside its header", damaged);
-    const bool frame = marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-    if (frame && (body.size() < 6 || std::int64_t(BigEndian(body, 1, 2)) * BigEndian(body, 3, 2) > MaximumPixels))
-      Refuse("read", path, "its header declares more than " + std::to_string(MaximumPixels) + " pixels", damaged);
-    if (marker == 0xe2 && body.size() > 14 && body.compare(0, 12, "ICC_PROFILE", 12) == 0)
-      profile += body.substr(14);
-  }
-  if (profile.empty())
-    return;
-  bool good = profile.size() >= 132 && BigEndian(profile, 0, 4) == profile.size();
-  const std::uint64_t tags = good ? BigEndian(profile, 128, 4) : 0;
-  good = good && 132 + 12 * tags <= profile.size();
-  for (std::uint64_t t = 0; good && t < tags; ++t)
-  {
-    const std::uint64_t offset = BigEndian(profile, 136 + 12 * t, 4), size = BigEndian(profile, 140 + 12 * t, 4);
-    good = size >= 12 && offset >= 132 && offset + size <= profile.size();
-    // Localised texts have a table of their own inside.
-    if (good && profile.compare(offset, 4, "mluc") == 0)
-    {
-      good = size >= 16;
-      const std::uint64_t records = good ? BigEndian(profile, offset + 8, 4) : 0;
-      good = good && 16 + 12 * records <= size;
-      for (std::uint64_t r = 0; good && r < records; ++r)
-      {
-        const std::uint64_t at = offset + 16 + 12 * r;
-        good = std::uint64_t(BigEndian(profile, at + 8, 4)) + BigEndian(profile, at + 4, 4) <= size;
-      }
-    }
-    if (good && profile.compare(offset, 4, "desc") == 0)
-      good = std::uint64_t(BigEndian(profile, offset + 8, 4)) + 12 <= size;
-  }
-  if (!good)
-    Refuse("read", path, "its ICC colour profile is damaged", "save it again without the profile");
+  const std::string format = SniffImage(head, std::size_t(in.gcount()));
+  if (format.empty() || format == "webp")
+    Refuse("read", path, "this is no image format that Quell reads", ImageFormatRemedy);
+  in.clear();
+  in.seekg(0);
+  if (const ImageFault fault = CheckImageHead(in, format, FileBytes(path)))
+    Refuse("read", path, fault.Cause, fault.Remedy);
+  return format;
 }
 
 /// Runs `work` so that nothing but a StageError with the file's name comes out.
@@ -303,13 +224,6 @@ std::string LibraryError(OIIO::ImageInput* input)
   return OneLine(text.empty() ? global : text);
 }
 
-std::int64_t FileBytes(const std::string& path)
-{
-  std::error_code ec;
-  const auto size = fs::file_size(path, ec);
-  return ec ? 0 : std::int64_t(size);
-}
-
 FrameFacts FactsOf(const OIIO::ImageSpec& spec, const std::map<std::string, std::string>& entries)
 {
   FrameFacts facts;
@@ -352,9 +266,7 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
 {
   OpenFile file;
   ReadReport& report = file.Report;
-  report.Format = SniffFormat(path);
-  if (report.Format == "jpeg")
-    CheckJpeg(path);
+  report.Format = CheckedFormat(path);
   OIIO::geterror();
   file.Input = OIIO::ImageInput::create(report.Format);
   if (!file.Input)
@@ -376,27 +288,8 @@ OpenFile Open(const std::string& path, const ReadOptions& options)
       ++deep;
       continue;
     }
-    if (spec.width <= 0 || spec.height <= 0 || spec.full_width <= 0 || spec.full_height <= 0 || spec.nchannels <= 0)
-      Refuse("read", path, "its header declares no pixels", "the file is damaged: write it again");
-    if (spec.depth > 1 || spec.full_depth > 1)
-      Refuse("read", path, "it is a volume", "write one image per slice");
-    const std::int64_t pixels = std::int64_t(spec.width) * spec.height;
-    const std::int64_t whole = std::int64_t(spec.full_width) * spec.full_height;
-    const std::string size = std::to_string(spec.width) + " x " + std::to_string(spec.height) + " pixels in " +
-                             std::to_string(spec.nchannels) + " channels";
-    if (pixels > MaximumPixels || whole > MaximumPixels)
-      Refuse("read", path,
-        "its header declares " + size + " (frame " + std::to_string(spec.full_width) + " x " +
-          std::to_string(spec.full_height) + "), more than " + std::to_string(MaximumPixels),
-        "the file is damaged, or must be scaled down or cut first");
-    if (pixels * spec.nchannels > std::max(FreeBytes, bytes * MaximumRatio) / 2)
-      Refuse("read", path, "its header declares " + size + " but the file holds " + std::to_string(bytes) + " bytes",
-        "the file is damaged: write it again");
-    if (spec.tile_width > 0 && (spec.tile_width > 16384 || spec.tile_height > 16384))
-      Refuse("read", path,
-        "its header declares tiles of " + std::to_string(spec.tile_width) + " x " + std::to_string(spec.tile_height) +
-          " pixels",
-        "the file is damaged: write it again");
+    if (const ImageFault fault = CheckImageSpec(spec, bytes))
+      Refuse("read", path, fault.Cause, fault.Remedy);
     const Rect display{ spec.full_x, spec.full_y, spec.full_x + spec.full_width, spec.full_y + spec.full_height };
     if (!file.Parts.empty() && display != file.Display)
     {
@@ -559,14 +452,8 @@ void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, c
   const std::int64_t row = std::int64_t(block.width()) * (hi - lo) * 4;
   while (step > 32 && !tiled && row * step > (std::int64_t(64) << 20))
     step /= 2;
-  // The library unpacks all channels of at least 256 rows at once, however few rows there are: a few bytes of header
-  // may claim more than there is memory.
-  const std::uint64_t unpacked = std::uint64_t(spec.scanline_bytes(true)), unpackedLimit = std::uint64_t(16) << 20;
-  if (!tiled && unpacked > unpackedLimit)
-    Refuse("read", path,
-      "one row of it takes " + std::to_string(unpacked >> 20) + " MiB, more than the limit of " +
-        std::to_string(unpackedLimit >> 20) + " MiB",
-      "write it with fewer channels or in tiles");
+  if (const ImageFault fault = CheckImageRows(spec))
+    Refuse("read", path, fault.Cause, fault.Remedy);
   std::vector<unsigned char> buffer(size_t(row) * size_t(std::min(step, spec.y + spec.height - block.y0)));
   for (int y = block.y0; y < wanted.y1; y += step)
   {
@@ -600,11 +487,14 @@ void ReadArrays(const std::string& path, OpenFile& file, const ReadOptions& opti
       wanted.push_back(&array);
       components += std::int64_t(array.Channels.size());
     }
-  if (components * 4 * region.area() > options.MaximumBytes)
+  // Memory of the caller's own is limited there.
+  const std::int64_t limit =
+    std::min<std::int64_t>(options.MaximumBytes, std::int64_t(std::min<std::uint64_t>(PixelMemoryLimit(), INT64_MAX)));
+  if (components * 4 * region.area() > limit && options.Into.empty())
     Refuse("read", path,
       "the arrays asked for need " + std::to_string(components * 4 * region.area() >> 20) +
-        " MiB, more than the limit of " + std::to_string(options.MaximumBytes >> 20) + " MiB",
-      "ask for fewer arrays or a smaller region");
+        " MiB, more than the limit of " + std::to_string(limit >> 20) + " MiB",
+      "ask for fewer arrays or a smaller region, or allow more with --memory MB");
 
   std::map<int, std::vector<Target>> targets;
   for (const NamedChannels* array : wanted)
@@ -849,12 +739,25 @@ public:
     this->Path = (p.parent_path() / ("." + p.filename().string() + "." + std::to_string(getpid()) + "-" +
                                       std::to_string(counter++) + ".part"))
                    .string();
+    // Made anew, so that no link that waits under this name is followed.
+    this->File = open(this->Path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (this->File < 0)
+      Refuse(
+        "write", target, std::string("no file can be made there: ") + std::strerror(errno), "choose another place");
   }
   ~TemporaryFile()
   {
     std::error_code ec;
+    if (this->File >= 0)
+      close(this->File);
     if (!this->Done)
       fs::remove(this->Path, ec);
+  }
+  /// 0, or errno.
+  int Close()
+  {
+    const int file = std::exchange(this->File, -1);
+    return file >= 0 && close(file) != 0 ? errno : 0;
   }
   TemporaryFile(const TemporaryFile&) = delete;
   void operator=(const TemporaryFile&) = delete;
@@ -867,10 +770,92 @@ public:
     this->Done = true;
   }
   std::string Path;
+  int File = -1;
 
 private:
   std::string Target;
   bool Done = false;
+};
+
+/// Where the library writes to. Some of its formats ignore that a disk is full, and one ends the process: they are told
+/// that all went well, and Error() tells us.
+class CheckedFile : public OIIO::Filesystem::IOProxy
+{
+public:
+  CheckedFile(const std::string& name, int file)
+    : IOProxy(name, Write)
+    , File(file)
+  {
+  }
+  const char* proxytype() const override { return "quell"; } // of "file" the library would want its FILE
+  std::size_t write(const void* data, std::size_t size) override
+  {
+    if (this->m_pos != this->Start + std::int64_t(this->Buffer.size()) || this->Buffer.size() + size > (1u << 20))
+    {
+      this->Flush();
+      this->Start = this->m_pos;
+    }
+    if (size > (1u << 20))
+      this->Put(data, size, this->m_pos);
+    else
+      this->Buffer.append(static_cast<const char*>(data), size);
+    this->m_pos += std::int64_t(size);
+    if (size > (1u << 20))
+      this->Start = this->m_pos;
+    this->End = std::max(this->End, this->m_pos);
+    return size;
+  }
+  std::size_t pwrite(const void* data, std::size_t size, int64_t offset) override
+  {
+    this->Flush();
+    this->Put(data, size, offset);
+    this->End = std::max<std::int64_t>(this->End, offset + std::int64_t(size));
+    return size;
+  }
+  std::size_t pread(void* data, std::size_t size, int64_t offset) override
+  {
+    this->Flush();
+    const ssize_t n = ::pread(this->File, data, size, offset);
+    return n > 0 ? std::size_t(n) : 0;
+  }
+  std::size_t read(void* data, std::size_t size) override
+  {
+    const std::size_t n = this->pread(data, size, this->m_pos);
+    this->m_pos += std::int64_t(n);
+    return n;
+  }
+  std::size_t size() const override { return std::size_t(this->End); }
+  void Flush()
+  {
+    this->Put(this->Buffer.data(), this->Buffer.size(), this->Start);
+    this->Start += std::int64_t(this->Buffer.size());
+    this->Buffer.clear();
+  }
+  int Error() const { return this->Failure; } ///< errno of the first write that failed
+
+private:
+  void Put(const void* data, std::size_t size, std::int64_t at)
+  {
+    const char* from = static_cast<const char*>(data);
+    while (size > 0 && this->Failure == 0)
+    {
+      const ssize_t n = ::pwrite(this->File, from, size, at);
+      if (n < 0 && errno == EINTR)
+        continue;
+      if (n <= 0)
+        this->Failure = n < 0 ? errno : ENOSPC;
+      else
+      {
+        from += n;
+        at += n;
+        size -= std::size_t(n);
+      }
+    }
+  }
+
+  int File, Failure = 0;
+  std::string Buffer;
+  std::int64_t Start = 0, End = 0; ///< of the buffer; of the file
 };
 
 /// Keeps float32 for what half would spoil: exact integers, distances, offsets and squares.
@@ -1059,7 +1044,9 @@ OIIO::ImageSpec PlainSpec(const PlainLayers& plain, const std::string& extension
     spec.alpha_channel = plain.Channels;
     spec.attribute("oiio:UnassociatedAlpha", 1);
   }
-  spec.attribute("oiio:ColorSpace", plain.Linear ? "Linear" : "sRGB");
+  // In a TIFF it becomes Exif data, which OpenImageIO 2.4 writes wrongly through a proxy; sRGB is what readers assume.
+  if (extension != ".tif" && extension != ".tiff")
+    spec.attribute("oiio:ColorSpace", plain.Linear ? "Linear" : "sRGB");
   if (extension == ".jpg" || extension == ".jpeg")
     spec.attribute("Compression", "jpeg:95");
   return spec;
@@ -1082,6 +1069,18 @@ std::string KnownExtension(const std::string& path)
 }
 }
 
+namespace
+{
+/// Renaming would replace a file that somebody has made read-only.
+void CheckUnprotected(const std::string& path)
+{
+  std::error_code ec;
+  if (fs::is_regular_file(path, ec) && access(path.c_str(), W_OK) != 0)
+    Refuse("write", path, "the file that is there may not be written (" + std::string(std::strerror(errno)) + ")",
+      "choose another name, or change its permissions");
+}
+}
+
 void CheckWritable(const std::string& path)
 {
   if (path.empty())
@@ -1098,6 +1097,7 @@ void CheckWritable(const std::string& path)
     Refuse("write", path, "\"" + place.string() + "\" is not a directory", "choose another place");
   if (access(place.c_str(), W_OK) != 0)
     Refuse("write", path, "no files can be made in \"" + place.string() + "\"", "choose another place");
+  CheckUnprotected(path);
 }
 
 struct ImageFileWriter::Internals
@@ -1108,6 +1108,7 @@ struct ImageFileWriter::Internals
   Rect Region;
   int Width = 0, Height = 0;
   std::unique_ptr<TemporaryFile> Temporary;
+  std::unique_ptr<CheckedFile> File;
   std::unique_ptr<OIIO::ImageOutput> Output; ///< closed before the temporary file goes
   OIIO::ImageSpec Spec;
   PlainLayers Plain;
@@ -1120,6 +1121,12 @@ struct ImageFileWriter::Internals
   void Open(const std::vector<OutLayer>& layers);
   void FillExr(const std::vector<OutLayer>& layers, int y, float* row);
   void FillPlain(const std::vector<OutLayer>& layers, int y, float* row);
+  void CheckWrites(int error) const
+  {
+    if (error)
+      Refuse("write", this->Path, std::strerror(error),
+        error == ENOSPC || error == EDQUOT ? "make room there, or choose another place" : "choose another place");
+  }
 };
 
 void ImageFileWriter::Internals::Open(const std::vector<OutLayer>& layers)
@@ -1142,13 +1149,19 @@ void ImageFileWriter::Internals::Open(const std::vector<OutLayer>& layers)
     this->Plain = FindPlainLayers(this->Path, this->Extension, layers);
     this->Spec = PlainSpec(this->Plain, this->Extension, this->Region);
   }
+  CheckUnprotected(this->Path);
   this->Temporary = std::make_unique<TemporaryFile>(this->Path);
   // The extension alone, without a dot, names the format.
   this->Output = OIIO::ImageOutput::create(this->Exr() ? "openexr" : this->Extension.substr(1));
   if (!this->Output)
     Refuse("write", this->Path, "OpenImageIO writes no " + this->Extension + " files",
       "write .exr, .png, .jpg, .tif or .hdr");
-  if (!this->Output->open(this->Temporary->Path, this->Spec))
+  this->File = std::make_unique<CheckedFile>(this->Temporary->Path, this->Temporary->File);
+  if (!this->Output->set_ioproxy(this->File.get()))
+    Refuse("write", this->Path, "OpenImageIO writes " + this->Extension + " files only by itself", "write .exr");
+  const bool opened = this->Output->open(this->Temporary->Path, this->Spec);
+  this->CheckWrites(this->File->Error());
+  if (!opened)
     Refuse("write", this->Path, OneLine(this->Output->geterror()), "check that the directory can be written to");
   this->Clamped.assign(layers.size(), 0);
   for (const OutLayer& layer : layers)
@@ -1266,8 +1279,10 @@ void ImageFileWriter::Write(const Rect& band, vtkImageData* image, const std::ve
         for (int i = 0; i < count; ++i)
           in.Exr() ? in.FillExr(ready, top - 1 - i, buffer.data() + row * i)
                    : in.FillPlain(ready, top - 1 - i, buffer.data() + row * i);
-        if (!in.Output->write_scanlines(first, first + count, 0, OIIO::TypeFloat, buffer.data()))
-          Refuse("write", in.Path, OneLine(in.Output->geterror()), "is the disk full?");
+        const bool written = in.Output->write_scanlines(first, first + count, 0, OIIO::TypeFloat, buffer.data());
+        in.CheckWrites(in.File->Error());
+        if (!written)
+          Refuse("write", in.Path, OneLine(in.Output->geterror()), "");
       }
       in.Next = band.y0;
     });
@@ -1281,8 +1296,12 @@ WriteReport ImageFileWriter::Finish()
     {
       if (!in.Output || in.Next != in.Region.y0)
         Refuse("write", in.Path, "rows of it are missing", "");
-      if (!in.Output->close())
-        Refuse("write", in.Path, OneLine(in.Output->geterror()), "is the disk full?");
+      const bool closed = in.Output->close();
+      in.File->Flush();
+      in.CheckWrites(in.File->Error());
+      in.CheckWrites(in.Temporary->Close());
+      if (!closed)
+        Refuse("write", in.Path, OneLine(in.Output->geterror()), "");
       in.Temporary->Rename();
     });
   WriteReport& report = in.Report;

@@ -323,6 +323,7 @@ private:
     place.File = CommandLine;
     return place;
   }
+  static bool IsCommandLine(const SourceLocation& place) { return place.File == CommandLine && place.Line <= 0; }
   /// Looking for what a misspelt name may have meant costs more than all the rest; after thousands of them, no more.
   bool Hints() const { return this->HintWork <= MaximumHintWork; }
   std::string Near(const std::string& name, const std::vector<std::string>& names)
@@ -1215,7 +1216,12 @@ private:
     }
     else if (property->Kind == Property::Type::String && node.Description().Sink && name == "File" && !text.empty())
     {
-      text = JoinPath(this->Options.OutputDirectory, text);
+      text = this->OutputPath(text, place, name, who);
+      if (text.empty())
+      {
+        this->BadProperties.insert(n);
+        return;
+      }
     }
     std::string error;
     if (!property->SetText(node.Stage, text, error))
@@ -1225,6 +1231,44 @@ private:
       return;
     }
     node.Properties.push_back({ name, text, place });
+  }
+
+  /// Where an output file is put; empty after an error.
+  std::string OutputPath(const std::string& text, const SourceLocation& place, const std::string& name, const Who& who)
+  {
+    const std::string path = JoinPath(this->Options.OutputDirectory, text);
+    std::string directory;
+    if (this->Options.Outside == OutsideOutputs::Allowed || IsCommandLine(place) ||
+        IsInside(this->Options.OutputDirectory, path, directory))
+    {
+      return path;
+    }
+    if (this->Options.Outside == OutsideOutputs::Moved)
+    {
+      const std::string file = fs::path(text).filename().string();
+      return JoinPath(this->Options.OutputDirectory, "outside/" + std::to_string(this->Moved++) + "/" + file);
+    }
+    this->Error(place, who,
+      name + " = " + Quoted(text) + " lies outside of the directory for output files, " + directory,
+      "choose that directory with --out DIR, or let this pipeline write anywhere with --allow-outside");
+    return std::string();
+  }
+
+  /// Symbolic links count as what they lead to; the last one, the file itself, would be replaced and not followed.
+  static bool IsInside(const std::string& outputs, const std::string& path, std::string& directory)
+  {
+    std::error_code code;
+    const fs::path root = fs::weakly_canonical(fs::absolute(outputs.empty() ? "." : outputs, code), code);
+    directory = root.string();
+    const fs::path file = fs::absolute(path, code);
+    const fs::path parent = fs::weakly_canonical(file.parent_path(), code);
+    if (code || file.filename() == ".." || file.filename() == "." || path.find('\0') != std::string::npos)
+    {
+      return false;
+    }
+    const auto ends = std::mismatch(root.begin(), root.end(), parent.begin(), parent.end());
+    // "/a/" has an empty last part.
+    return ends.first == root.end() || (std::next(ends.first) == root.end() && ends.first->empty());
   }
 
   /// A sequence (####) exists when any of its frames does.
@@ -1916,6 +1960,10 @@ private:
             path.Text = assigned->second;
           }
           this->SetProperty(output.Writer, "File", path, filePlace, who);
+          if (this->Options.Outside == OutsideOutputs::Moved)
+          {
+            output.File = this->Result->Nodes[std::size_t(output.Writer)].Stage->GetPropertyText("File");
+          }
           this->SetOutputProperties(o, output.Writer, view, who);
           if (view >= 0)
           {
@@ -2718,6 +2766,7 @@ private:
   std::map<int, std::vector<std::pair<std::string, int>>> Lacking; ///< producer -> (array it has not, who does without)
   std::vector<MissingArray> Missing;
   std::size_t Work = 0, HintWork = 0;
+  int Moved = 0; ///< output files (OutsideOutputs::Moved)
 };
 }
 

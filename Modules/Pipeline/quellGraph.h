@@ -17,6 +17,15 @@
 
 namespace quell
 {
+/// What becomes of output files that a pipeline wants outside of the output directory: by absolute paths, `..`, symbolic
+/// links or variables. Whoever only reads pipelines need not care; what writes their outputs should not trust them.
+enum class OutsideOutputs
+{
+  Allowed,
+  Refused, ///< an error; not for names that GraphOptions give
+  Moved    ///< to a folder "outside" in the output directory, numbered; for runs whose files are thrown away
+};
+
 /// What the command line (or a viewer) says on top of the file. Relative paths in here are the working directory's.
 struct GraphOptions
 {
@@ -26,6 +35,7 @@ struct GraphOptions
   Assignments Outputs;           ///< an output's name or "node:array" -> file
   std::optional<long long> Seed; ///< property Seed of every node that has one
   std::string OutputDirectory;   ///< relative output files are put here; empty: working directory
+  OutsideOutputs Outside = OutsideOutputs::Allowed;
 };
 
 /// One connection of a node's input.

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <new>
 
 namespace quell
 {
@@ -682,6 +683,71 @@ bool PipelineExecutor::Pass(int tick, const std::vector<Asked>& asked, TickResul
 }
 
 TickResult PipelineExecutor::RunTick(int tick, TickMode mode)
+{
+  const std::string noMemory = "there is not enough memory", noWords = "the update failed";
+  TickResult result;
+  try
+  {
+    result = this->TryTick(tick, mode);
+    const auto endsWith = [&](const std::string& end)
+    {
+      return result.Error.size() >= end.size() &&
+             result.Error.compare(result.Error.size() - end.size(), end.size(), end) == 0;
+    };
+    if (result.Ok || result.Cancelled || (!endsWith(noMemory) && !endsWith(noWords)))
+    {
+      return result;
+    }
+    if (endsWith(noWords))
+    {
+      result.Error += " without a word, as VTK's do when there is not enough memory";
+    }
+  }
+  catch (const std::bad_alloc&)
+  {
+    result = TickResult();
+    result.Error = noMemory;
+  }
+  this->StartOver();
+  return result;
+}
+
+/// VTK's connections and field data do not survive a failed allocation, not even their destruction: all stages are made
+/// anew, the old ones left where they are. The history stays.
+void PipelineExecutor::StartOver()
+{
+  if (this->Watch->FirstFailed)
+  {
+    this->Token->ResetCancel();
+  }
+  this->Watch->FirstFailed = nullptr;
+  this->Watch->Token = nullptr;
+  this->Watch->Band = 0;
+  this->Watch->Bands = 1;
+  this->Watch->Names.clear();
+  this->Collector->RemoveObserver(this->Watch->Command);
+  this->Collector->GetExecutive()->RemoveObserver(this->Watch->Command);
+  this->Collector->Register(nullptr);
+  for (auto& stage : this->Stages)
+  {
+    if (stage)
+    {
+      stage->SetMetadataSource({});
+      stage->RemoveObserver(this->Watch->Command);
+      stage->GetExecutive()->RemoveObserver(this->Watch->Command);
+      stage->DropBands();
+      stage->Register(nullptr);
+      stage = nullptr;
+    }
+  }
+  this->Before.clear();
+  this->Collector = vtkSmartPointer<vtkQuellCollector>::New();
+  this->Watch->Add(this->Collector, "");
+  this->Watch->Names.erase(this->Collector);
+  this->Stale = true;
+}
+
+TickResult PipelineExecutor::TryTick(int tick, TickMode mode)
 {
   TickResult result;
   this->Rebuild();

@@ -144,6 +144,8 @@ public:
 private:
   struct Observer;
   void Rebuild();
+  TickResult TryTick(int tick, TickMode mode);
+  void StartOver();
   std::string Title(int node) const;
   std::map<std::string, std::string> FrameMetadata(int node) const;
   struct Asked

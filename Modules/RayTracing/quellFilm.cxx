@@ -143,6 +143,7 @@ Film::Film(const Rect& region, const std::set<std::string>& arrays, std::vector<
   }
   this->Stride = next;
   const std::size_t size = std::size_t(region.area()) * std::size_t(next);
+  this->Claim = PixelMemoryClaim(std::uint64_t(size) * sizeof(double), "sums of the path tracer");
   if (memory.size() != size)
   {
     memory = std::vector<double>(); // goes before more is taken

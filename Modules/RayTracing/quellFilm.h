@@ -3,6 +3,7 @@
 #define quellFilm_h
 
 #include "quellImageView.h"
+#include "quellMemoryLimits.h"
 #include "quellVector.h"
 #include "vtkQuellRayTracingModule.h"
 
@@ -127,6 +128,7 @@ private:
   Slots Offsets;
   bool Lights[3] = { false, false, false };
   int Bounces = 0, Stride = 0;
+  PixelMemoryClaim Claim;
   std::vector<double> Sums;
 };
 }

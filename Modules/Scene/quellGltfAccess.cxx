@@ -62,6 +62,11 @@ GltfContainer OpenGltf(const std::string& file, const Bytes& content)
     if (!json)
       Fail(file, "header", "the binary glTF has no JSON chunk", truncated);
   }
+  // Brackets and commas make values of 16 bytes and more; long strings, such as embedded data, stay as long as they
+  // are.
+  SceneMemory::Take(64 * std::uint64_t(std::count_if(
+                           text, text + size, [](char c) { return c == ',' || c == '[' || c == '{' || c == ':'; })) +
+                    size);
   try
   {
     out.Document = nlohmann::json::parse(text, text + size);
@@ -255,6 +260,8 @@ void GltfAccess::Read(const JsonValue& accessor, const Element& e, std::vector<T
   Range range;
   if (view)
     range = this->Slice(accessor, e.Count, e.Size, true);
+  // Here and where it is kept in another form: any number of attributes may name one accessor.
+  SceneMemory::Take(2 * e.Count * std::uint64_t(e.Components) * sizeof(T));
   out.assign(std::size_t(e.Count) * std::size_t(e.Components), T(0));
   if (view)
     for (std::uint64_t i = 0; i < e.Count; ++i)

@@ -22,6 +22,9 @@ namespace
 {
 const char* const Reexport = "export the file again";
 
+/// What an instance takes here and in a renderer's tables.
+constexpr std::uint64_t BytesPerInstance = 512;
+
 /// Extensions whose meaning we honour.
 const char* const Understood[] = { "EXT_mesh_gpu_instancing", "EXT_texture_webp", "KHR_lights_punctual",
   "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
@@ -63,6 +66,7 @@ public:
     this->ReadSkins();
     this->ReadInstances();
     this->Faults.Warn(this->Out);
+    this->DropUnusedTextures();
     this->ReadAnimations();
   }
 
@@ -75,6 +79,7 @@ private:
   void ReadMaterials();
   void ReadMaterial(const JsonValue& json, Material& material);
   void ResolveTextures(std::size_t material);
+  void DropUnusedTextures();
   void ReadInstances();
   void ReadCamera(const JsonValue& node, int index);
   void ReadLight(const JsonValue& node, int index);
@@ -383,6 +388,7 @@ void GltfReader::ReadEnvironment(const JsonValue& entry)
       toLocal = Mat4();
     }
     const double pi = 3.14159265358979323846;
+    SceneMemory::Take(std::uint64_t(image.Width) * std::uint64_t(image.Height) * 4 * sizeof(float));
     std::vector<float> turned(std::size_t(image.Width) * std::size_t(image.Height) * 4);
     for (int y = 0; y < image.Height; ++y)
       for (int x = 0; x < image.Width; ++x)
@@ -614,6 +620,7 @@ int GltfReader::ReadTexture(const JsonValue& json, bool srgb)
   }
   if (image->Width == 0)
     return -1;
+  SceneMemory::Take(image->Bytes.size() + image->Floats.size() * sizeof(float));
   Texture texture = *image;
   texture.SRGB = srgb;
   if (json.Has("sampler"))
@@ -668,6 +675,21 @@ void GltfReader::ResolveTextures(std::size_t index)
   resolve(m.EmissiveTexture, true);
   if (hadEmissive && m.EmissiveTexture.Texture < 0)
     m.Emission = Vec3f(0); // a lost picture of a lamp's glow must not make the whole object a lamp
+}
+
+/// Materials that nothing uses have no images: what was a number of the file's must not become one of the scene's.
+void GltfReader::DropUnusedTextures()
+{
+  for (std::size_t i = 0; i < this->TexturesResolved.size(); ++i)
+  {
+    if (this->TexturesResolved[i])
+      continue;
+    Material& m = this->Out.Materials[i];
+    for (TextureUse* use : { &m.BaseColorTexture, &m.MetallicRoughnessTexture, &m.NormalTexture, &m.TransmissionTexture,
+           &m.SpecularTexture, &m.SpecularColorTexture, &m.ThicknessTexture, &m.ClearcoatTexture,
+           &m.ClearcoatRoughnessTexture, &m.ClearcoatNormalTexture, &m.EmissiveTexture })
+      use->Texture = -1;
+  }
 }
 
 int GltfReader::UsedMaterial(const JsonValue& primitive)
@@ -876,6 +898,7 @@ void GltfReader::ReadMesh(const JsonValue& node, int index)
       this->CheckJoints(primitive, at, this->Out.Skins[std::size_t(placed.Skin)]);
       jointed = true;
     }
+    SceneMemory::Take(BytesPerInstance);
     this->Out.Instances.push_back({ at, index, 0 });
   }
   if (placed.Skin >= 0 && !jointed && count > 0)
@@ -935,6 +958,9 @@ void GltfReader::MultiplyInstances(const JsonValue& node, int index, std::size_t
   }
   const std::vector<Instance> originals(
     this->Out.Instances.begin() + std::ptrdiff_t(before), this->Out.Instances.end());
+  SceneMemory::Take(std::uint64_t(count) *
+                    (sizeof(Node) + sizeof(int) + this->Out.Nodes[std::size_t(index)].Weights.size() * sizeof(float) +
+                      originals.size() * BytesPerInstance));
   this->Out.Instances.resize(before);
   const int first = int(this->Out.Nodes.size());
   --id;
@@ -1048,6 +1074,7 @@ int GltfReader::ReadPrimitive(const JsonValue& primitive, const JsonValue& mesh,
     for (std::size_t i = 0; i < n; ++i)
       list[i] = std::uint32_t(i);
   }
+  SceneMemory::Take(3 * list.size() * sizeof(std::uint32_t));
   if (mode == 4)
   {
     if (list.size() % 3 != 0)
@@ -1350,6 +1377,7 @@ void GltfReader::ReadAnimations()
     if (channel.Path == AnimatedPath::Weights && multiplied != this->Multiplied.end())
       for (int child = multiplied->second.first; child < multiplied->second.second; ++child)
       {
+        SceneMemory::Take((channel.Times.size() + channel.Values.size()) * sizeof(float));
         this->Out.Animation.push_back(channel);
         this->Out.Animation.back().Node = child;
       }

@@ -471,6 +471,7 @@ int ObjReader::LoadTexture(const std::string& name, bool srgb, bool clamp, const
   {
     if (!ok)
     {
+      SceneMemory::Take(std::uint64_t(alpha.Width) * std::uint64_t(alpha.Height) * 4);
       texture.Width = alpha.Width;
       texture.Height = alpha.Height;
       texture.Bytes.assign(std::size_t(alpha.Width) * std::size_t(alpha.Height) * 4, 255);

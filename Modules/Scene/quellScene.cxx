@@ -25,6 +25,7 @@ std::shared_ptr<const Scene> LoadScene(const std::string& file, const SceneOptio
 {
   auto scene = std::make_shared<Scene>();
   scene->File = file;
+  const detail::SceneMemory memory(file);
   try
   {
     const std::string extension = Extension(file);
@@ -66,6 +67,7 @@ void LoadEnvironment(Scene& scene, const std::string& file, float scale)
 {
   if (!(scale >= 0) || !std::isfinite(scale))
     detail::Fail(file, "", "the scale of an environment must be finite and not negative", "correct the scale");
+  const detail::SceneMemory memory(file);
   Texture image;
   std::string reason;
   std::size_t repaired = 0;

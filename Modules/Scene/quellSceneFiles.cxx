@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellSceneFiles.h"
 
+#include "quellImageGuard.h"
+#include "quellMemoryLimits.h"
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
@@ -12,20 +15,31 @@
 #include <fstream>
 #include <new>
 #include <sstream>
+#include <streambuf>
 
 namespace quell
 {
 namespace detail
 {
+/// Names and values of a file may hold anything: messages stay one line of readable text, not too long.
+static std::string Readable(std::string text, std::size_t longest)
+{
+  std::replace_if(
+    text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, ' ');
+  if (text.size() > longest)
+    text = text.substr(0, longest - 3) + "...";
+  return text;
+}
+
 std::string Message(
   const std::string& file, const std::string& where, const std::string& what, const std::string& remedy)
 {
-  std::string text = file + ": ";
+  std::string text = Readable(file, 4096) + ": ";
   if (!where.empty())
-    text += where + ": ";
-  text += what;
+    text += Readable(where, 600) + ": ";
+  text += Readable(what, 1200);
   if (!remedy.empty())
-    text += "; " + remedy;
+    text += "; " + Readable(remedy, 600);
   return text;
 }
 
@@ -39,6 +53,39 @@ void Warn(Scene& scene, const std::string& where, const std::string& what, const
   std::string text = Message(scene.File, where, what, remedy);
   if (std::find(scene.Warnings.begin(), scene.Warnings.end(), text) == scene.Warnings.end())
     scene.Warnings.push_back(std::move(text));
+}
+
+static thread_local SceneMemory* theSceneMemory = nullptr;
+
+SceneMemory::SceneMemory(const std::string& file)
+  : Outer(theSceneMemory)
+  , File(file)
+{
+  if (!this->Outer)
+    theSceneMemory = this;
+}
+
+SceneMemory::~SceneMemory()
+{
+  if (!this->Outer)
+    theSceneMemory = nullptr;
+}
+
+void SceneMemory::Take(std::uint64_t bytes)
+{
+  SceneMemory* const self = theSceneMemory;
+  if (!self)
+    return;
+  const std::uint64_t limit = SceneMemoryLimit();
+  if (bytes > limit || self->Taken > limit - bytes)
+  {
+    std::ostringstream megabytes;
+    megabytes << double(limit) / 1e6;
+    Fail(self->File, "",
+      "vertices, textures and instances take more than the " + megabytes.str() + " MB that a scene may have",
+      "use a smaller scene, or allow more with --scene-memory MB");
+  }
+  self->Taken += bytes;
 }
 
 void ContentHash::Add(const void* data, std::size_t size) noexcept
@@ -68,6 +115,7 @@ bool ReadFile(const std::string& file, Bytes& content, std::string& reason)
   const std::streamoff size = in ? std::streamoff(in.tellg()) : -1;
   if (size < 0)
     return reason = "the file cannot be opened", false;
+  SceneMemory::Take(std::uint64_t(size));
   content.resize(std::size_t(size));
   in.seekg(0);
   if (size > 0 && !in.read(reinterpret_cast<char*>(content.data()), size))
@@ -192,22 +240,24 @@ static std::vector<T> ToRgba(const std::vector<T>& in, std::size_t pixels, int c
   return out;
 }
 
-static bool ReadOpened(OIIO::ImageInput& input, Texture& texture, std::string& reason)
+static bool ReadOpened(OIIO::ImageInput& input, std::int64_t fileBytes, Texture& texture, std::string& reason)
 {
   const OIIO::ImageSpec spec = input.spec();
-  if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.nchannels > 64 || spec.deep || spec.depth > 1)
+  if (spec.nchannels > 64 || spec.deep)
     return reason = "the image has no usable pixels", false;
+  for (const ImageFault& fault : { CheckImageSpec(spec, fileBytes), CheckImageRows(spec) })
+    if (fault)
+      return reason = fault.Cause + "; " + fault.Remedy, false;
   const std::uint64_t pixels = std::uint64_t(spec.width) * std::uint64_t(spec.height);
-  if (pixels > MaximumImagePixels)
-    return reason = "the image has more than 2^28 pixels", false;
   const int channels = std::min(spec.nchannels, 4);
   const bool bytes = spec.format.basetype == OIIO::TypeDesc::UINT8;
+  SceneMemory::Take(pixels * 4 * (bytes ? 1 : sizeof(float)));
   std::vector<std::uint8_t> b(bytes ? pixels * std::size_t(channels) : 0);
   std::vector<float> f(bytes ? 0 : pixels * std::size_t(channels));
   const bool ok = bytes ? input.read_image(0, 0, 0, channels, OIIO::TypeDesc::UINT8, b.data())
                         : input.read_image(0, 0, 0, channels, OIIO::TypeDesc::FLOAT, f.data());
   if (!ok)
-    return reason = "decoding fails: " + input.geterror(), false;
+    return reason = "decoding fails: " + OneLine(input.geterror()), false;
   texture.Width = spec.width;
   texture.Height = spec.height;
   texture.Bytes = bytes ? ToRgba<std::uint8_t>(b, pixels, channels, 255) : std::vector<std::uint8_t>();
@@ -222,50 +272,96 @@ static OIIO::ImageSpec OpenConfiguration()
   return config;
 }
 
-bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
+/// Bytes of memory as a stream.
+struct ByteStream : std::streambuf
 {
-  static const unsigned char png[] = { 0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n' };
-  static const unsigned char jpeg[] = { 0xff, 0xd8, 0xff };
-  const bool isPng = content.size() >= sizeof png && std::memcmp(content.data(), png, sizeof png) == 0;
-  const bool isWebp = content.size() >= 12 && std::memcmp(content.data(), "RIFF", 4) == 0 &&
-                      std::memcmp(content.data() + 8, "WEBP", 4) == 0;
-  const bool isJpeg = content.size() >= sizeof jpeg && std::memcmp(content.data(), jpeg, sizeof jpeg) == 0;
-  if (!isPng && !isJpeg && !isWebp)
-    return reason = "this is neither PNG nor JPEG nor WebP, the formats that glTF allows", false;
+  explicit ByteStream(const Bytes& content)
+  {
+    char* begin = reinterpret_cast<char*>(const_cast<std::uint8_t*>(content.data()));
+    this->setg(begin, begin, begin + content.size());
+  }
+  pos_type seekoff(off_type offset, std::ios_base::seekdir from, std::ios_base::openmode) override
+  {
+    if (from != std::ios_base::beg || offset < 0 || offset > this->egptr() - this->eback())
+      return pos_type(off_type(-1));
+    this->setg(this->eback(), this->eback() + offset, this->egptr());
+    return pos_type(offset);
+  }
+  pos_type seekpos(pos_type position, std::ios_base::openmode which) override
+  {
+    return this->seekoff(off_type(position), std::ios_base::beg, which);
+  }
+};
+
+static bool DecodeAs(const std::string& format, const Bytes& content, Texture& texture, std::string& reason)
+{
+  ByteStream bytes(content);
+  std::istream head(&bytes);
+  if (const ImageFault fault = CheckImageHead(head, format, std::int64_t(content.size())))
+    return reason = fault.Cause + "; " + fault.Remedy, false;
   try
   {
     OIIO::Filesystem::IOMemReader memory(const_cast<void*>(static_cast<const void*>(content.data())), content.size());
     const OIIO::ImageSpec config = OpenConfiguration();
-    auto input = OIIO::ImageInput::create(isPng ? "png" : isJpeg ? "jpeg" : "webp");
+    auto input = OIIO::ImageInput::create(format);
     if (!input || !input->set_ioproxy(&memory))
       return reason = "OpenImageIO lacks the format", false;
     OIIO::ImageSpec spec;
-    if (!input->open(isPng ? "memory.png" : isJpeg ? "memory.jpg" : "memory.webp", spec, config))
-      return reason = "decoding fails: " + input->geterror(), false;
-    return ReadOpened(*input, texture, reason);
+    if (!input->open("memory." + (format == "openexr" ? "exr" : format), spec, config))
+      return reason = "decoding fails: " + OneLine(input->geterror()), false;
+    return ReadOpened(*input, std::int64_t(content.size()), texture, reason);
+  }
+  catch (const SceneError&)
+  {
+    throw; // too large is no fault of the image alone
   }
   catch (const std::exception& e)
   {
-    return reason = std::string("decoding fails: ") + e.what(), false;
+    return reason = "decoding fails: " + OneLine(e.what()), false;
   }
+}
+
+bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
+{
+  const std::string format = SniffImage(content.data(), content.size());
+  if (format != "png" && format != "jpeg" && format != "webp")
+    return reason = "this is neither PNG nor JPEG nor WebP, the formats that glTF allows", false;
+  return DecodeAs(format, content, texture, reason);
 }
 
 bool LoadImage(const std::string& file, Texture& texture, std::string& reason)
 {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error))
-    return reason = "the file does not exist", false;
+  Bytes content;
+  if (!ReadFile(file, content, reason))
+    return false;
+  const std::string format = SniffImage(content.data(), content.size());
+  if (format.empty())
+    return reason = std::string("this is no image format that Quell reads; ") + ImageFormatRemedy, false;
+  if (format == "png" || format == "jpeg" || format == "webp")
+    return DecodeAs(format, content, texture, reason);
+  ByteStream bytes(content);
+  std::istream head(&bytes);
+  if (const ImageFault fault = CheckImageHead(head, format, std::int64_t(content.size())))
+    return reason = fault.Cause + "; " + fault.Remedy, false;
+  // Readers of the other formats want a file.
   try
   {
     const OIIO::ImageSpec config = OpenConfiguration();
-    auto input = OIIO::ImageInput::open(file, &config);
+    auto input = OIIO::ImageInput::create(format);
     if (!input)
-      return reason = "it cannot be opened: " + OIIO::geterror(), false;
-    return ReadOpened(*input, texture, reason);
+      return reason = "OpenImageIO lacks the format", false;
+    OIIO::ImageSpec spec;
+    if (!input->open(file, spec, config))
+      return reason = "it cannot be opened: " + OneLine(input->geterror()), false;
+    return ReadOpened(*input, std::int64_t(content.size()), texture, reason);
+  }
+  catch (const SceneError&)
+  {
+    throw;
   }
   catch (const std::exception& e)
   {
-    return reason = std::string("decoding fails: ") + e.what(), false;
+    return reason = "decoding fails: " + OneLine(e.what()), false;
   }
 }
 

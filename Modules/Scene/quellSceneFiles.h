@@ -16,8 +16,23 @@ namespace detail
 {
 using Bytes = std::vector<std::uint8_t>;
 
-/// Images of more pixels are refused before they are decoded: a file of 700 bytes can ask for 16 GB.
-constexpr std::uint64_t MaximumImagePixels = std::uint64_t(1) << 28;
+/// Counts what one scene's vertices, textures and instances take while it is read on this thread, so that a few bytes
+/// of file that name the same data again and again do not fill the memory. Nested ones count with the outermost.
+class SceneMemory
+{
+public:
+  explicit SceneMemory(const std::string& file);
+  ~SceneMemory();
+  SceneMemory(const SceneMemory&) = delete;
+  void operator=(const SceneMemory&) = delete;
+  /// Before `bytes` are asked for: throws SceneError beyond SceneMemoryLimit().
+  static void Take(std::uint64_t bytes);
+
+private:
+  SceneMemory* Outer = nullptr;
+  std::string File;
+  std::uint64_t Taken = 0;
+};
 
 /// "file: where: what; remedy". `where` may be empty.
 std::string Message(
@@ -51,10 +66,10 @@ std::string DecodePercent(const std::string& text);
 /// True for "http://..." and other schemes that are not files.
 bool IsRemoteUri(const std::string& uri);
 
-/// Decodes a PNG or JPEG (told by its first bytes) from memory into RGBA: 8 bit as Bytes, 16 bit as Floats. Colour is
-/// not multiplied by alpha. False with a reason otherwise.
+/// Decodes a PNG, JPEG or WebP (told by its first bytes) from memory into RGBA: 8 bit as Bytes, 16 bit as Floats. Colour
+/// is not multiplied by alpha. False with a reason otherwise; SceneError where the scene becomes too large.
 bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason);
-/// The same for a file of any format that OpenImageIO reads.
+/// The same for a file, which may also be OpenEXR, HDR or PNM.
 bool LoadImage(const std::string& file, Texture& texture, std::string& reason);
 
 /// Latitude-longitude image -> `texture` in the orientation of quell::Environment; non-finite and negative pixels

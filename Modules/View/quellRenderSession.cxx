@@ -29,7 +29,7 @@ double SecondsSince(Clock::time_point start)
 bool SameOptions(const GraphOptions& a, const GraphOptions& b)
 {
   return a.Defines == b.Defines && a.Properties == b.Properties && a.Outputs == b.Outputs && a.Seed == b.Seed &&
-         a.OutputDirectory == b.OutputDirectory;
+         a.OutputDirectory == b.OutputDirectory && a.Outside == b.Outside;
 }
 
 /// What a wish changes beside the ways to get there.

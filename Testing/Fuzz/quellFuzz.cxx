@@ -1,19 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// quell-fuzz [--documents N] [--seed S] [--only N] [--seconds T] [--megabytes M] [--keep DIR] FILE|DIRECTORY...
+// quell-fuzz [options, see quellFuzzWatch.h] FILE|DIRECTORY...
 //
-// Reads mutated pipeline files with every stage type in place. A worker process does it; this one watches. A document
-// is a finding when the worker crashes on it (sanitizers end it too), takes longer than T seconds or more than M
-// megabytes, or breaks a promise:
-// (processor seconds; ten times as many of sleep count as well)
+// Reads mutated pipeline files with every stage type in place. Promises:
 // - loading ends with a graph or with an error that says where; messages are one line of readable text each, not too
 // long;
 // - what was read can be written, and reads back as the same document;
 // - a file that loads is valid for the schema; its self-contained form loads as well; a plan of it can be made.
-// Findings are written to DIR and made again by --only N.
 #include "../AllStages.h"
 #include "../Graphs/SchemaTools.h"
 #include "quellExplain.h"
 #include "quellFuzz.h"
+#include "quellFuzzWatch.h"
 #include "quellGraph.h"
 #include "quellPipelineReader.h"
 #include "quellPipelineSchema.h"
@@ -23,32 +20,18 @@
 #include "vtkObject.h"
 
 #include <algorithm>
-#include <chrono>
-#include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <poll.h>
+#include <memory>
 #include <sstream>
 #include <stdexcept>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 namespace fs = std::filesystem;
 using namespace quell;
 
 namespace
 {
-struct Arguments
-{
-  std::uint64_t Documents = 10000, Seed = 1, Only = std::uint64_t(-1);
-  double Seconds = 10, Megabytes = 1024;
-  std::string Keep = ".";
-  std::vector<std::string> Paths;
-};
-
 std::string Contents(const fs::path& file)
 {
   std::ifstream in(file, std::ios::binary);
@@ -74,14 +57,6 @@ std::vector<FuzzSeed> ReadSeeds(const std::vector<std::string>& paths)
   for (const fs::path& file : files)
     seeds.push_back({ file.string(), Contents(file) });
   return seeds;
-}
-
-/// Resident memory has no number of its own but its highest; of this process, in megabytes.
-double Peak()
-{
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return double(usage.ru_maxrss) / 1024;
 }
 
 /// Throws what promise was broken. True: the file loads.
@@ -145,14 +120,6 @@ bool CheckDocument(const FuzzSeed& document, const SchemaValidator& schema, cons
   return true;
 }
 
-/// What the worker tells; in a pipe, a line each.
-struct Report
-{
-  std::uint64_t Number = 0;
-  char Kind = ' '; ///< 's'tarted, 'a'ccepted, 'r'efused, 'f'inding
-  char Text[480] = {};
-};
-
 const std::vector<FuzzBomb>& Bombs()
 {
   static const std::vector<FuzzBomb> bombs = FuzzBombs();
@@ -172,217 +139,51 @@ FuzzSeed Document(std::uint64_t n, FuzzMutator& mutator, const std::vector<FuzzS
   return n < seeds.size() ? seeds[n] : mutator.Make(n);
 }
 
-/// Documents from `first` on, until the memory is used up.
-[[noreturn]] void Work(
-  const Arguments& a, const std::vector<FuzzSeed>& seeds, std::uint64_t first, std::uint64_t end, int pipe)
+class PipelineFiles : public FuzzTarget
 {
-  vtkObject::GlobalWarningDisplayOff();
-  const SchemaValidator schema(PipelineXsd(Registry()));
-  FuzzMutator mutator(seeds, a.Seed);
-  Report report;
-  const auto tell = [&](char kind, const std::string& text)
+public:
+  PipelineFiles(const FuzzOptions& a)
+    : Seeds(ReadSeeds(a.Paths))
+    , Mutator(this->Seeds, a.Seed)
   {
-    report.Kind = kind;
-    std::memset(report.Text, 0, sizeof report.Text);
-    text.copy(report.Text, sizeof report.Text - 1);
-    if (write(pipe, &report, sizeof report) != ssize_t(sizeof report))
-      _exit(3);
-  };
-  for (std::uint64_t n = first; n < end; ++n)
+  }
+  bool Empty() const { return this->Seeds.empty(); }
+  std::uint64_t Fixed() const override { return Bombs().size() + this->Seeds.size(); }
+  FuzzCase Make(std::uint64_t n) override
   {
     std::string wanted;
-    const FuzzSeed document = Document(n, mutator, seeds, wanted);
-    report.Number = n;
-    tell('s', "");
-    const double before = Peak();
-    try
-    {
-      const bool good = CheckDocument(document, schema, wanted);
-      // The worker's own peak grows slowly with the heap; a document that doubles it is another matter.
-      if (Peak() - before > a.Megabytes)
-        tell('f', "memory: " + std::to_string(int(Peak() - before)) + " MB");
-      else
-        tell(good ? 'a' : 'r', "");
-    }
-    catch (const std::exception& e)
-    {
-      tell('f', std::string("promise: ") + e.what());
-    }
-    if (Peak() > 2 * a.Megabytes)
-      break; // a fresh worker goes on
+    const FuzzSeed document = Document(n, this->Mutator, this->Seeds, wanted);
+    return { document.File, document.Text };
   }
-  _exit(0);
-}
+  void Begin() override
+  {
+    vtkObject::GlobalWarningDisplayOff();
+    this->Schema = std::make_unique<SchemaValidator>(PipelineXsd(Registry()));
+  }
+  bool Check(const FuzzCase& document, std::uint64_t n) override
+  {
+    return CheckDocument(
+      { document.Name, document.Text }, *this->Schema, n < Bombs().size() ? Bombs()[n].Message : std::string());
+  }
 
-/// Processor seconds that a process has used: a busy machine is no finding.
-double ProcessorSeconds(pid_t process)
-{
-  clockid_t clock;
-  timespec time{};
-  if (clock_getcpuclockid(process, &clock) != 0 || clock_gettime(clock, &time) != 0)
-    return 0;
-  return double(time.tv_sec) + 1e-9 * double(time.tv_nsec);
-}
-
-std::string KindOf(const std::string& what)
-{
-  return what.substr(0, what.find(':'));
-}
-
-int Run(const Arguments& a)
-{
-  const std::vector<FuzzSeed> seeds = ReadSeeds(a.Paths);
-  if (seeds.empty())
-  {
-    std::cerr << "quell-fuzz: no seeds\n";
-    return 2;
-  }
-  FuzzMutator mutator(seeds, a.Seed);
-  std::uint64_t next = 0, end = Bombs().size() + seeds.size() + a.Documents;
-  if (a.Only != std::uint64_t(-1))
-  {
-    next = a.Only;
-    end = a.Only + 1;
-  }
-  const std::uint64_t total = end - next;
-  std::uint64_t accepted = 0, refused = 0, findings = 0, told = 0;
-  double slowest = 0;
-  std::uint64_t slowestNumber = 0;
-  const auto finding = [&](std::uint64_t n, const std::string& what)
-  {
-    ++findings;
-    std::string wanted;
-    const FuzzSeed document = Document(n, mutator, seeds, wanted);
-    const std::string file = a.Keep + "/finding-" + KindOf(what) + "-" + std::to_string(n) + ".xml";
-    std::ofstream(file, std::ios::binary) << document.Text;
-    std::cout << "document " << n << " (" << (n < Bombs().size() ? Bombs()[n].Name : document.File) << "): " << what
-              << "\n  kept as " << file << "\n";
-  };
-  const auto begin = std::chrono::steady_clock::now();
-  while (next < end)
-  {
-    int ends[2];
-    if (pipe(ends) != 0)
-      throw std::runtime_error("no pipe");
-    std::cout.flush();
-    const pid_t child = fork();
-    if (child < 0)
-      throw std::runtime_error("no process");
-    if (child == 0)
-    {
-      close(ends[0]);
-      Work(a, seeds, next, end, ends[1]);
-    }
-    close(ends[1]);
-    bool busy = false; // with document `next`
-    double started = 0;
-    auto startedAt = std::chrono::steady_clock::now();
-    for (;;)
-    {
-      pollfd wait{ ends[0], POLLIN, 0 };
-      const int ready = poll(&wait, 1, 1000);
-      if (ready == 0)
-      {
-        // The first document waits for the program itself as well; a process that sleeps for ever hangs too.
-        const double slept =
-          std::chrono::duration<double>(std::chrono::steady_clock::now() - startedAt).count() / (busy ? 20 : 100);
-        if (std::max(slept, ProcessorSeconds(child) - started) < a.Seconds + (busy ? 0 : 60))
-          continue;
-      }
-      Report report;
-      if (ready > 0 && read(ends[0], &report, sizeof report) == ssize_t(sizeof report))
-      {
-        const double then = ProcessorSeconds(child);
-        if (report.Kind == 's')
-          busy = true;
-        else
-        {
-          const double seconds = then - started;
-          if (seconds > slowest && busy)
-          {
-            slowest = seconds;
-            slowestNumber = report.Number;
-          }
-          accepted += report.Kind == 'a';
-          refused += report.Kind == 'r';
-          if (report.Kind == 'f')
-            finding(report.Number, report.Text);
-          next = report.Number + 1;
-          busy = false;
-        }
-        started = then;
-        startedAt = std::chrono::steady_clock::now();
-        const std::uint64_t done = total - (end - next);
-        if (done * 20 / total > told)
-        {
-          told = done * 20 / total;
-          std::cout << done << " of " << total << ": " << accepted << " load, " << refused << " are refused, "
-                    << findings << " findings" << std::endl;
-        }
-        continue;
-      }
-      const bool slow = ready == 0;
-      if (slow)
-        kill(child, SIGKILL);
-      int status = 0;
-      waitpid(child, &status, 0);
-      if (slow || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
-      {
-        finding(next, slow                  ? "hang: more than " + std::to_string(int(a.Seconds)) + " processor seconds"
-                      : WIFSIGNALED(status) ? "crash: signal " + std::to_string(WTERMSIG(status))
-                                            : "crash: exit status " + std::to_string(WEXITSTATUS(status)));
-        ++next;
-      }
-      break;
-    }
-    close(ends[0]);
-  }
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  std::cout << total << " documents of seed " << a.Seed << " in " << int(seconds) << " s: " << accepted << " load, "
-            << refused << " are refused, " << findings << " findings; the slowest, " << slowestNumber << ", took "
-            << slowest << " s" << std::endl;
-  return findings ? 1 : 0;
-}
+private:
+  std::vector<FuzzSeed> Seeds;
+  FuzzMutator Mutator;
+  std::unique_ptr<SchemaValidator> Schema;
+};
 }
 
 int main(int argc, char** argv)
 {
-  Arguments a;
-  for (int i = 1; i < argc; ++i)
-  {
-    const std::string name = argv[i];
-    if (name.compare(0, 2, "--") != 0)
-    {
-      a.Paths.push_back(name);
-      continue;
-    }
-    const char* value = ++i < argc ? argv[i] : nullptr;
-    if (!value)
-    {
-      std::cerr << "quell-fuzz: " << name << " wants a value\n";
-      return 2;
-    }
-    if (name == "--documents")
-      a.Documents = std::strtoull(value, nullptr, 10);
-    else if (name == "--seed")
-      a.Seed = std::strtoull(value, nullptr, 10);
-    else if (name == "--only")
-      a.Only = std::strtoull(value, nullptr, 10);
-    else if (name == "--seconds")
-      a.Seconds = std::strtod(value, nullptr);
-    else if (name == "--megabytes")
-      a.Megabytes = std::strtod(value, nullptr);
-    else if (name == "--keep")
-      a.Keep = value;
-    else
-    {
-      std::cerr << "quell-fuzz: no option " << name << "\n";
-      return 2;
-    }
-  }
+  FuzzOptions a;
+  if (const int status = ParseFuzzOptions(argc, argv, "quell-fuzz", a))
+    return status;
   try
   {
-    return Run(a);
+    PipelineFiles files(a);
+    if (files.Empty())
+      throw std::runtime_error("no seeds");
+    return WatchFuzz(a, files);
   }
   catch (const std::exception& e)
   {
