@@ -424,6 +424,22 @@ std::vector<std::string> MessagesIn(const std::string& code)
 }
 }
 
+TEST(EveryDiagnostic, OutputsOutsideOfTheirDirectory)
+{
+  GraphOptions refused;
+  refused.Outside = OutsideOutputs::Refused;
+  refused.OutputDirectory = "/nowhere/out";
+  const std::string text =
+    "<pipeline version=\"1\">\n" + Pt + "<output name=\"o\" from=\"pt\" file=\"../x.exr\"/>\n</pipeline>";
+  const std::string all = MessagesOf(text, pipelinetest::Registry(), refused);
+  EXPECT_NE(
+    all.find("error: output \"o\": File = \"../x.exr\" lies outside of the directory for output files, "
+             "/nowhere/out; "
+             "choose that directory with --out DIR, or let this pipeline write anywhere with --allow-outside\n"),
+    std::string::npos)
+    << all;
+}
+
 TEST(EveryDiagnostic, IsTestedWithItsExactText)
 {
   const fs::path top = QUELL_SOURCE_DIR;
