@@ -37,6 +37,7 @@ public:
   std::string GetReport() const override;
 
   int HaloFor(int port) const override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   double CostPerPixel() const override { return 0.05; }
 
 protected:

@@ -2,6 +2,7 @@
 #include "vtkQuellBilateralFilter.h"
 
 #include "quellBilateral.h"
+#include "quellGuideVariances.h"
 #include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
@@ -225,6 +226,71 @@ double vtkQuellBilateralFilter::CostPerPixel() const
   return 0.1 + side * side / 121;
 }
 
+vtkQuellBilateralFilter::GuideSettings vtkQuellBilateralFilter::SettingsOf(int port, int connection) const
+{
+  const auto found = this->Settings.find({ port, connection });
+  return found == this->Settings.end() ? GuideSettings() : found->second;
+}
+
+int vtkQuellBilateralFilter::DistanceOf(int connection, bool normals) const
+{
+  const GuideSettings settings = this->SettingsOf(Guide, connection);
+  if (settings.Distance >= 0)
+    return settings.Distance;
+  const quell::GuideDistance usual = UsualDistance(this->GetInputArray(Guide, connection));
+  return int(usual == quell::GuideDistance::Plane && !normals ? quell::GuideDistance::Euclidean : usual);
+}
+
+void vtkQuellBilateralFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  check.WantAtMost(Guide, quell::BilateralInputs::MostGuides);
+  std::vector<std::string> names, wanted;
+  for (int c = 0; c < check.Count(Guide); ++c)
+  {
+    names.push_back(this->GuideName(c, check.At(Guide, c).Array));
+    this->CheckGuide(check, c);
+  }
+  for (int c = 0; c < check.Count(GuideVariance); ++c)
+    wanted.push_back(this->SettingsOf(GuideVariance, c).Name);
+  const std::vector<int> of = quell::CheckGuideVariances(check, Guide, names, GuideVariance, wanted);
+  for (int c = 0; c < check.Count(GuideVariance); ++c)
+  {
+    const int guide = of[std::size_t(c)];
+    const int distance = guide < 0 ? 0 : this->DistanceOf(guide, check.Count(Normal) > 0);
+    if (distance >= int(quell::GuideDistance::Plane))
+      check.Error(GuideVariance, c,
+        "guide \"" + names[std::size_t(guide)] + "\" is compared by distance " + distances[std::size_t(distance)] +
+          ", which takes no variance",
+        "distances that do: Euclidean, Color, Normal");
+  }
+}
+
+void vtkQuellBilateralFilter::CheckGuide(quell::ConnectionCheck& check, int c) const
+{
+  const quell::ConnectionCheck::Connection& guide = check.At(Guide, c);
+  const int n = guide.Components;
+  const auto distance = quell::GuideDistance(this->DistanceOf(c, check.Count(Normal) > 0));
+  const std::string& name = distances[std::size_t(distance)];
+  const bool vector = distance == quell::GuideDistance::Color || distance == quell::GuideDistance::Normal ||
+                      distance == quell::GuideDistance::Plane;
+  const std::string has = "\"" + guide.Array + "\" has " + std::to_string(n) + (n == 1 ? " component" : " components");
+  if (n > 3)
+    check.Error(Guide, c, has + ", a guide may have 3");
+  else if (n > 0 && ((vector && n != 3) || (distance == quell::GuideDistance::LogDepth && n != 1)))
+    check.Error(Guide, c, has + ", distance " + name + " compares " + (vector ? "3" : "1"),
+      n == 1   ? "for one component there are Euclidean, LogDepth and Id"
+      : n == 3 ? "for three components there are Euclidean, Color, Normal and Plane"
+               : "distance=\"Euclidean\" takes any number");
+  else if (distance == quell::GuideDistance::Plane && check.Count(Normal) == 0)
+    check.Error(Guide, c, "distance Plane needs input \"normal\"", "connect it, or say distance=\"Euclidean\"");
+}
+
+std::string vtkQuellBilateralFilter::GuideName(int connection, const std::string& array) const
+{
+  const std::string own = this->SettingsOf(Guide, connection).Name;
+  return own.empty() ? array : own;
+}
+
 void vtkQuellBilateralFilter::Gather(
   quell::StageFrame& frame, quell::BilateralInputs& in, quell::BilateralParameters& p) const
 {
@@ -234,57 +300,22 @@ void vtkQuellBilateralFilter::Gather(
   in.albedo = frame.Input(Albedo);
   in.position = frame.Input(Position);
   in.id = frame.Input(Id);
-  const auto settingsOf = [this](int port, int connection)
-  {
-    const auto known = this->Settings.find({ port, connection });
-    return known == this->Settings.end() ? GuideSettings() : known->second;
-  };
-  if (frame.Connections(Guide) > quell::BilateralInputs::MostGuides)
-    throw quell::StageError(
-      "more than " + std::to_string(quell::BilateralInputs::MostGuides) + " connections of \"guide\"");
   std::vector<std::string> names;
-  for (int c = 0; c < frame.Connections(Guide); ++c)
+  for (int c = 0; c < frame.Connections(Guide); ++c) // a delayed one without history is none
   {
-    const GuideSettings settings = settingsOf(Guide, c);
-    const std::string& array = this->GetInputArray(Guide, c);
-    names.push_back(settings.Name.empty() ? array : settings.Name);
+    names.push_back(this->GuideName(c, this->GetInputArray(Guide, c)));
     quell::BilateralGuide& g = in.guides[in.guideCount++];
     g.value = frame.Input(Guide, c);
-    g.distance = settings.Distance < 0 ? UsualDistance(array) : quell::GuideDistance(settings.Distance);
-    if (settings.Distance < 0 && g.distance == quell::GuideDistance::Plane && !in.normal)
-      g.distance = quell::GuideDistance::Euclidean;
-    g.sigma = settings.Sigma < 0 ? UsualSigma(g.distance) : settings.Sigma;
-    const int n = g.value.components;
-    const bool vector = g.distance == quell::GuideDistance::Color || g.distance == quell::GuideDistance::Normal ||
-                        g.distance == quell::GuideDistance::Plane;
-    if (n > 3 || (vector && n != 3) || (g.distance == quell::GuideDistance::LogDepth && n != 1))
-      throw quell::StageError("guide \"" + names.back() + "\" has " + std::to_string(n) +
-                              " components, which distance " + distances[std::size_t(g.distance)] + " cannot compare");
-    if (g.distance == quell::GuideDistance::Plane && !in.normal)
-      throw quell::StageError("guide \"" + names.back() + "\": plane distance needs input \"normal\"");
+    g.distance = quell::GuideDistance(this->DistanceOf(c, bool(in.normal)));
+    const double sigma = this->SettingsOf(Guide, c).Sigma;
+    g.sigma = sigma < 0 ? UsualSigma(g.distance) : sigma;
   }
   for (int c = 0; c < frame.Connections(GuideVariance); ++c)
   {
-    std::string name = settingsOf(GuideVariance, c).Name;
-    const std::string& array = this->GetInputArray(GuideVariance, c);
-    int index = name.empty() && names.size() == 1 ? 0 : -1;
-    for (std::size_t k = 0; k < names.size(); ++k)
-      if (names[k] == name || (name.empty() && Lower(array) == "variance" + Lower(names[k])))
-        index = int(k);
-    if (index < 0)
-      throw quell::StageError(name.empty()
-                                ? "guideVariance \"" + array + "\" does not say of which guide (guide=\"name\")"
-                                : "guideVariance \"" + array + "\": there is no guide \"" + name + "\"");
-    quell::BilateralGuide& g = in.guides[index];
-    g.variance = frame.Input(GuideVariance, c);
-    if (g.variance.components != 1 && g.variance.components != g.value.components)
-      throw quell::StageError("guideVariance \"" + array + "\" has " + std::to_string(g.variance.components) +
-                              " components, guide \"" + names[std::size_t(index)] + "\" has " +
-                              std::to_string(g.value.components));
-    if (g.distance != quell::GuideDistance::Euclidean && g.distance != quell::GuideDistance::Color &&
-        g.distance != quell::GuideDistance::Normal)
-      throw quell::StageError("guide \"" + names[std::size_t(index)] + "\": distance " +
-                              distances[std::size_t(g.distance)] + " takes no variance");
+    const int guide =
+      quell::GuideOfVariance(names, this->SettingsOf(GuideVariance, c).Name, this->GetInputArray(GuideVariance, c));
+    if (guide >= 0)
+      in.guides[guide].variance = frame.Input(GuideVariance, c);
   }
   p.radius = this->EffectiveRadius();
   p.sigmaSpatial = this->SigmaSpatial;

@@ -88,6 +88,7 @@ public:
   bool FillsOutputs() const override { return true; }
   bool Makes(const std::string& array) const override;
   void CheckSettings() override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   /// `name`, `distance` and `sigma` of a guide; `guide` of a guideVariance.
   bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
@@ -108,6 +109,11 @@ private:
     int Distance = -1; ///< quell::GuideDistance; -1: what suits the array
     double Sigma = -1; ///< -1: what suits the distance
   };
+
+  GuideSettings SettingsOf(int port, int connection) const;
+  int DistanceOf(int connection, bool normals) const; ///< quell::GuideDistance in force
+  std::string GuideName(int connection, const std::string& array) const;
+  void CheckGuide(quell::ConnectionCheck& check, int connection) const;
 
   int Radius = -1;
   double SigmaSpatial = 2, SigmaRange = 0.5;

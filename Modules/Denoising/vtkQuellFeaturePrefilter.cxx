@@ -67,6 +67,13 @@ int vtkQuellFeaturePrefilter::HaloFor(int) const
   return std::max(1, this->Radius) + NoiseReach;
 }
 
+void vtkQuellFeaturePrefilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  for (int port : { VarianceAlbedo, VarianceNormal })
+    if (check.Count(port) > 0)
+      check.WantComponents(port, 0, { 1, 3 });
+}
+
 void vtkQuellFeaturePrefilter::Execute(quell::StageFrame& frame)
 {
   const quell::ImageIn albedo = frame.Input(Albedo), normal = frame.Input(Normal), depth = frame.Input(Depth);
@@ -79,10 +86,6 @@ void vtkQuellFeaturePrefilter::Execute(quell::StageFrame& frame)
   };
   Feature features[2] = { { albedo, frame.Input(VarianceAlbedo), frame.Output("albedo"), false },
     { normal, frame.Input(VarianceNormal), frame.Output("normal"), true } };
-  for (const Feature& f : features)
-    if (f.variance && f.variance.components != 1 && f.variance.components != 3)
-      throw quell::StageError(std::string("input \"") + (f.isNormal ? "varianceNormal" : "varianceAlbedo") +
-                              "\" wants 1 or 3 components, not " + std::to_string(f.variance.components));
   if (features[1].out && !normal)
     this->Warnings.push_back("output normal is 0 because input normal is not connected");
 

@@ -41,12 +41,14 @@ int vtkQuellMedianOfMeans::HaloFor(int) const
   return 1; // a non-finite pixel is filled from its neighbours
 }
 
+void vtkQuellMedianOfMeans::CheckConnections(quell::ConnectionCheck& check) const
+{
+  check.WantAtMost(0, quell::MedianOfMeansParameters::MostBuffers);
+}
+
 void vtkQuellMedianOfMeans::Execute(quell::StageFrame& frame)
 {
   const int count = frame.Connections(0);
-  if (count > quell::MedianOfMeansParameters::MostBuffers)
-    throw quell::StageError("input \"radiance\" has " + std::to_string(count) + " connections; at most " +
-                            std::to_string(quell::MedianOfMeansParameters::MostBuffers) + " buffers can be sorted");
   std::vector<quell::ImageIn> buffers;
   for (int c = 0; c < count; ++c)
     buffers.push_back(frame.Input(0, c));

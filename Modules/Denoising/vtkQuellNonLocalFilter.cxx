@@ -3,6 +3,7 @@
 
 #include "quellFeatureNoise.h"
 #include "quellGuards.h"
+#include "quellGuideVariances.h"
 #include "quellNonLocal.h"
 
 #include <cmath>
@@ -101,8 +102,51 @@ int vtkQuellNonLocalFilter::HaloFor(int) const
 bool vtkQuellNonLocalFilter::NeedsInput(int port, const quell::ArraySet&) const
 {
   auto* self = const_cast<vtkQuellNonLocalFilter*>(this);
-  return port != Radiance || this->Selects() || self->GetNumberOfInputConnections(HalfA) == 0 ||
-         self->GetNumberOfInputConnections(HalfB) == 0;
+  // Without history there are no halves.
+  return port != Radiance || this->Selects() || this->IsDelayed(HalfA) || this->IsDelayed(HalfB) ||
+         self->GetNumberOfInputConnections(HalfA) == 0 || self->GetNumberOfInputConnections(HalfB) == 0;
+}
+
+vtkQuellNonLocalFilter::GuideSettings vtkQuellNonLocalFilter::SettingsOf(int port, int connection) const
+{
+  const auto found = this->Settings.find({ port, connection });
+  return found == this->Settings.end() ? GuideSettings() : found->second;
+}
+
+void vtkQuellNonLocalFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  const bool a = check.Count(HalfA) > 0, b = check.Count(HalfB) > 0;
+  if (a != b)
+    check.Error(a ? HalfA : HalfB, 0, std::string("wants input \"") + (a ? "halfB" : "halfA") + "\" too",
+      "one half alone is no use");
+  if (check.Count(Variance) > 0)
+    check.WantComponents(Variance, 0, { 1, 3 });
+  check.WantAtMost(Guide, quell::NonLocalInputs::MostFeatures);
+  std::vector<std::string> names, wanted;
+  for (int c = 0; c < check.Count(Guide); ++c)
+  {
+    const std::string own = this->SettingsOf(Guide, c).Name;
+    names.push_back(own.empty() ? check.At(Guide, c).Array : own);
+    check.WantComponents(Guide, c, { 1, 2, 3 });
+  }
+  for (int c = 0; c < check.Count(GuideVariance); ++c)
+    wanted.push_back(this->SettingsOf(GuideVariance, c).Name);
+  quell::CheckGuideVariances(check, Guide, names, GuideVariance, wanted);
+  if (!this->Regresses())
+    return;
+  check.WantAtMost(Feature, quell::NonLocalInputs::MostFeatures);
+  int components = 0, last = 0;
+  for (int c = 0; c < check.Count(Feature); ++c)
+  {
+    check.WantComponents(Feature, c, { 1, 2, 3 });
+    const int before = components;
+    components += check.At(Feature, c).Components;
+    last = before <= quell::NonLocalInputs::MostRegressors ? c : last;
+  }
+  if (components > quell::NonLocalInputs::MostRegressors)
+    check.Error(Feature, last,
+      "the features have " + std::to_string(components) + " components together, at most " +
+        std::to_string(quell::NonLocalInputs::MostRegressors) + " are possible");
 }
 
 void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
@@ -110,64 +154,27 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
   const quell::ImageIn radiance = frame.Input(Radiance), halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
   const quell::ImageIn variance = frame.Input(Variance);
   const bool halves = halfA && halfB;
-  if (bool(halfA) != bool(halfB))
-    throw quell::StageError("inputs \"halfA\" and \"halfB\" want each other: one alone is no use");
-  if (variance && variance.components != 1 && variance.components != 3)
-    throw quell::StageError("input \"variance\" wants 1 or 3 components, not " + std::to_string(variance.components));
 
   quell::NonLocalInputs in;
   in.depth = frame.Input(Depth);
-  if (frame.Connections(Guide) > quell::NonLocalInputs::MostFeatures)
-    throw quell::StageError(
-      "more than " + std::to_string(quell::NonLocalInputs::MostFeatures) + " connections of \"guide\"");
   std::vector<std::string> names;
-  const auto check = [](const quell::ImageIn& image, const std::string& name)
+  for (int c = 0; c < frame.Connections(Guide); ++c) // a delayed one without history is none
   {
-    if (image.components > 3)
-      throw quell::StageError(
-        "\"" + name + "\" has " + std::to_string(image.components) + " components, at most 3 are");
-  };
-  for (int c = 0; c < frame.Connections(Guide); ++c)
-  {
-    const GuideSettings settings = this->Settings[{ Guide, c }];
+    const GuideSettings settings = this->SettingsOf(Guide, c);
     names.push_back(settings.Name.empty() ? this->GetInputArray(Guide, c) : settings.Name);
     quell::NonLocalFeature& f = in.weighing[in.weighingCount++];
     f.value = frame.Input(Guide, c);
     f.least = settings.Least;
-    check(f.value, names.back());
   }
   for (int c = 0; c < frame.Connections(GuideVariance); ++c)
   {
-    const std::string& name = this->Settings[{ GuideVariance, c }].Name;
-    const std::string& array = this->GetInputArray(GuideVariance, c);
-    int index = name.empty() && names.size() == 1 ? 0 : -1;
-    for (std::size_t k = 0; k < names.size(); ++k)
-      if (names[k] == name)
-        index = int(k);
-    if (index < 0)
-      throw quell::StageError(name.empty()
-                                ? "guideVariance \"" + array + "\" does not say of which guide (guide=\"name\")"
-                                : "guideVariance \"" + array + "\": there is no guide \"" + name + "\"");
-    quell::NonLocalFeature& f = in.weighing[index];
-    f.variance = frame.Input(GuideVariance, c);
-    if (f.variance.components != 1 && f.variance.components != f.value.components)
-      throw quell::StageError("guideVariance \"" + array + "\" has " + std::to_string(f.variance.components) +
-                              " components, guide \"" + names[std::size_t(index)] + "\" has " +
-                              std::to_string(f.value.components));
+    const int guide =
+      quell::GuideOfVariance(names, this->SettingsOf(GuideVariance, c).Name, this->GetInputArray(GuideVariance, c));
+    if (guide >= 0)
+      in.weighing[guide].variance = frame.Input(GuideVariance, c);
   }
-  int regressors = 0;
   for (int c = 0; this->Regresses() && c < frame.Connections(Feature); ++c)
-  {
-    if (c == quell::NonLocalInputs::MostFeatures)
-      throw quell::StageError("more than " + std::to_string(c) + " connections of \"feature\"");
-    quell::NonLocalFeature& f = in.regressors[in.regressorCount++];
-    f.value = frame.Input(Feature, c);
-    check(f.value, this->GetInputArray(Feature, c));
-    regressors += f.value.components;
-  }
-  if (regressors > quell::NonLocalInputs::MostRegressors)
-    throw quell::StageError("the features have " + std::to_string(regressors) + " components together, at most " +
-                            std::to_string(quell::NonLocalInputs::MostRegressors) + " can be used");
+    in.regressors[in.regressorCount++].value = frame.Input(Feature, c);
 
   quell::NonLocalParameters p;
   p.radius = this->Radius;

@@ -60,12 +60,14 @@ int vtkQuellNormalSnap::HaloFor(int) const
   return quell::SnapNormalsReach;
 }
 
+void vtkQuellNormalSnap::CheckConnections(quell::ConnectionCheck& check) const
+{
+  if (check.Count(VarianceNormal) > 0)
+    check.WantComponents(VarianceNormal, 0, { 1, 3 });
+}
+
 void vtkQuellNormalSnap::Execute(quell::StageFrame& frame)
 {
-  const quell::ImageIn variance = frame.Input(VarianceNormal);
-  if (variance && variance.components != 1 && variance.components != 3)
-    throw quell::StageError(
-      "input \"varianceNormal\" wants 1 or 3 components, not " + std::to_string(variance.components));
   this->NonFinite.Reset();
   this->Superclass::Execute(frame);
   this->NonFinite.Report(this->Counters, this->Warnings, "normal");

@@ -83,19 +83,25 @@ int vtkQuellSampleFilter::HaloFor(int) const
   return std::max(1, this->Radius); // 1: a non-finite sample is filled from its neighbours
 }
 
+void vtkQuellSampleFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  const auto times = [](int n) { return std::to_string(n) + (n == 1 ? " connection" : " connections"); };
+  const int count = check.Count(Radiance);
+  for (int port = Depth; port <= Id; ++port)
+  {
+    const int n = check.Count(port);
+    if (n != 0 && n != count)
+      check.Error(port, std::min(n - 1, count), times(n) + ", but \"radiance\" has " + times(count),
+        "each sample needs its own, in the same order");
+  }
+}
+
 void vtkQuellSampleFilter::Gather(
   quell::StageFrame& frame, std::vector<quell::ImageIn> (&views)[5], quell::SampleFilterParameters& p) const
 {
-  const int count = frame.Connections(Radiance);
   for (int port = Radiance; port <= Id; ++port)
-  {
-    const int n = frame.Connections(port);
-    if (n != 0 && n != count)
-      throw quell::StageError("input \"" + this->GetDescription().Inputs[port].Name + "\" has " + std::to_string(n) +
-                              " connections, radiance has " + std::to_string(count) + "; each sample needs its own");
-    for (int c = 0; c < n; ++c)
+    for (int c = 0; c < frame.Connections(port); ++c)
       views[port].push_back(frame.Input(port, c));
-  }
   p.radius = this->Radius;
   p.sigmaSpatial = this->SigmaSpatial;
   p.sigmaNormal = this->SigmaNormal;

@@ -190,6 +190,7 @@ void PipelineExecutor::Rebuild()
       stage->SetPropertyText(p.Name, p.Text, error); // checked when the graph was built
     }
     stage->SetTimeline(this->Plan->Ticks);
+    stage->SetConnectionsChecked(true); // by the graph builder
     stage->SetCancelToken(this->Token);
     stage->SetWatched(this->Watched);
     stage->SetMetadata(this->Metadata);

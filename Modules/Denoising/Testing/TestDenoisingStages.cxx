@@ -713,7 +713,26 @@ TEST(BilateralFilter, ExplainsMistakesInGuides)
       }),
     "needs input \"normal\"");
   EXPECT_PRED2(
-    has, error([&](auto* f) { f->ConnectInput("guideVariance", source, "variance"); }), "does not say of which guide");
+    has, error([&](auto* f) { f->ConnectInput("guideVariance", source, "variance"); }), "no guide is connected");
+  EXPECT_EQ(error(
+              [&](auto* f)
+              {
+                f->ConnectInput("guide", source, "albedo");
+                f->ConnectInput("guide", source, "normal");
+                f->ConnectInput("guideVariance", source, "variance");
+              }),
+    "input \"guideVariance\": \"variance\" does not say of which guide it is; say it with guide=\"albedo\"; guides: "
+    "albedo, normal");
+  EXPECT_EQ(error(
+              [&](auto* f)
+              {
+                f->ConnectInput("guide", source, "albedo");
+                f->ConnectInput("guide", source, "albedo");
+                f->ConnectInput("guideVariance", source, "variance");
+                std::string e;
+                f->SetInputAttribute(7, 0, "guide", "albedo", e);
+              }),
+    "input \"guideVariance\": several guides are called \"albedo\"; give each a name=\"...\" of its own");
   EXPECT_PRED2(has,
     error(
       [&](auto* f)
@@ -740,7 +759,7 @@ TEST(BilateralFilter, ExplainsMistakesInGuides)
         std::string e;
         f->SetInputAttribute(6, 0, "distance", "Normal", e);
       }),
-    "1 components");
+    "\"depth\" has 1 component, distance Normal compares 3; for one component there are Euclidean, LogDepth and Id");
   vtkNew<vtkQuellBilateralFilter> filter;
   std::string text;
   EXPECT_FALSE(filter->SetInputAttribute(6, 0, "distance", "near", text));
@@ -812,18 +831,18 @@ TEST(NonLocalStages, ExplainMistakes)
   stage->ConnectInput("radiance", source);
   stage->ConnectInput("halfA", source);
   stage->Update();
-  EXPECT_PRED2(has, stage->GetErrorText(), "want each other");
+  EXPECT_EQ(stage->GetErrorText(), "input \"halfA\": wants input \"halfB\" too; one half alone is no use");
   stage = Make("RegressionFilter");
   stage->ConnectInput("radiance", source);
   for (const char* array : { "radiance", "albedo", "normal", "position" })
     stage->ConnectInput("feature", source, array);
   stage->Update();
-  EXPECT_PRED2(has, stage->GetErrorText(), "12 components together");
+  EXPECT_PRED2(has, stage->GetErrorText(), "input \"feature\": the features have 12 components together");
   stage = Make("NonLocalMeans");
   stage->ConnectInput("radiance", source);
   stage->ConnectInput("guideVariance", source);
   stage->Update();
-  EXPECT_PRED2(has, stage->GetErrorText(), "does not say of which guide");
+  EXPECT_PRED2(has, stage->GetErrorText(), "no guide is connected");
   std::string error;
   const int guide = stage->GetDescription().InputIndex("guide");
   EXPECT_FALSE(stage->SetInputAttribute(guide, 0, "least", "0", error));
