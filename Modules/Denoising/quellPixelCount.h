@@ -24,6 +24,9 @@ private:
   mutable std::atomic<std::int64_t> Pixels{ 0 };
 };
 
+/// Bytes of `planes` planes over tiles of `width` x `height` pixels grown by `halo`, of every thread: for ScratchBytes.
+VTKQUELLDENOISING_EXPORT double TileScratchBytes(int width, int height, int halo, double planes);
+
 /// Uninitialised floats (TakePixelMemory) that grow and are kept: fresh memory costs more than a filter pass (its pages
 /// are touched twice).
 class VTKQUELLDENOISING_EXPORT Scratch

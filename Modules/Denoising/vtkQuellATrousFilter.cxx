@@ -68,6 +68,13 @@ int vtkQuellATrousFilter::HaloFor(int port) const
   return port == Variance ? halo + 1 : halo; // a variance that is not a number is filled from its neighbours
 }
 
+double vtkQuellATrousFilter::ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet&)
+{
+  const int reach = std::max(1, this->Iterations > 0 ? 2 << (this->Iterations - 1) : 1);
+  const quell::PlaneLayout layout(region.grown(quell::ATrousHalo(this->Iterations)).clipped(whole), reach);
+  return quell::GuidedPlanes::Most(10) * double(layout.size()) * sizeof(float);
+}
+
 void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
 {
   const quell::Rect region = frame.Region();

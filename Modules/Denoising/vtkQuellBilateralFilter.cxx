@@ -291,6 +291,18 @@ std::string vtkQuellBilateralFilter::GuideName(int connection, const std::string
   return own.empty() ? array : own;
 }
 
+double vtkQuellBilateralFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  // Colour and what is carried, validity, the named guides, plane distance, further guides with their variances.
+  const int planes =
+    3 + quell::BilateralInputs::MostCarriedComponents + 1 + 8 + 7 + 6 * this->GetNumberOfInputConnections(Guide) + 1;
+  const int radius = this->EffectiveRadius(), side = 2 * radius + 1;
+  // Weights that serve two pixels are kept for some rows.
+  const bool shared = radius <= quell::BilateralParameters::MostSharedRadius;
+  return quell::TileScratchBytes(TileSize, TileSize, radius, planes) +
+         (shared ? quell::TileScratchBytes(TileSize, radius + 1, 0, 0.5 * side * side) : 0.);
+}
+
 void vtkQuellBilateralFilter::Gather(
   quell::StageFrame& frame, quell::BilateralInputs& in, quell::BilateralParameters& p) const
 {

@@ -84,6 +84,7 @@ public:
 
   bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override;
   bool FillsOutputs() const override { return true; }
   bool Makes(const std::string& array) const override;

@@ -74,6 +74,12 @@ void vtkQuellFeaturePrefilter::CheckConnections(quell::ConnectionCheck& check) c
       check.WantComponents(port, 0, { 1, 3 });
 }
 
+double vtkQuellFeaturePrefilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  // The noise and its differences; colour, up to four guides with a variance, plane distance.
+  return quell::TileScratchBytes(TileSize, TileSize, this->HaloFor(0), 6 + 4 + 4 * 4 + 7);
+}
+
 void vtkQuellFeaturePrefilter::Execute(quell::StageFrame& frame)
 {
   const quell::ImageIn albedo = frame.Input(Albedo), normal = frame.Input(Normal), depth = frame.Input(Depth);

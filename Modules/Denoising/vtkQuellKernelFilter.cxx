@@ -155,6 +155,11 @@ int vtkQuellKernelFilter::HaloFor(int) const
   return radius + 1; // a tap that is not finite is filled from its own neighbours
 }
 
+double vtkQuellKernelFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(TileSize, TileSize, this->HaloFor(0), 2 * (4 + 1));
+}
+
 void vtkQuellKernelFilter::Execute(quell::StageFrame& frame)
 {
   this->CheckSettings();

@@ -22,6 +22,7 @@ enum Ports
   Feature ///< of the regression alone
 };
 constexpr int TileSize = 64, NoiseReach = 2;
+constexpr int OuterFloats = 15, InnerFloats = 6; ///< a pixel, of two candidates with their errors, and of the choice
 constexpr int SmoothRadius = 9, SmoothPatch = 1; ///< of the errors and of the choice between bandwidths
 
 /// Per channel, the mean of (A - B)^2 / 2 over the 3 x 3 neighbours that are finite in both: the variance of a half.
@@ -147,6 +148,22 @@ void vtkQuellNonLocalFilter::CheckConnections(quell::ConnectionCheck& check) con
     check.Error(Feature, last,
       "the features have " + std::to_string(components) + " components together, at most " +
         std::to_string(quell::NonLocalInputs::MostRegressors) + " are possible");
+}
+
+double vtkQuellNonLocalFilter::ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet&)
+{
+  const int features =
+    this->GetNumberOfInputConnections(Guide) + (this->Regresses() ? this->GetNumberOfInputConnections(Feature) : 0);
+  const double side = 2 * this->Radius + 1, rows = 2 * (2 * this->PatchRadius + 1) + 1;
+  double bytes = quell::TileScratchBytes(TileSize, TileSize, this->HaloFor(0), 14 + 4 * features + 8 + 6) +
+                 quell::TileScratchBytes(TileSize + 2 * this->HaloFor(0), 1, 0, side * side * rows / 3);
+  if (this->Selects())
+  {
+    const int reach = quell::NonLocalHalo(SmoothRadius, SmoothPatch, false);
+    bytes += sizeof(float) * (OuterFloats * double(region.grown(2 * reach).clipped(whole).area()) +
+                               InnerFloats * double(region.grown(reach).clipped(whole).area()));
+  }
+  return bytes;
 }
 
 void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
@@ -277,8 +294,8 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
     const int reach = quell::NonLocalHalo(SmoothRadius, SmoothPatch, false);
     const quell::Rect inner = region.grown(reach).clipped(frame.Whole());
     const quell::Rect outer = region.grown(2 * reach).clipped(frame.Whole());
-    std::vector<float> memory(std::size_t(outer.area()) * 15 + std::size_t(inner.area()) * 6);
-    float* next = memory.data();
+    quell::Scratch block;
+    float* next = block.Take(std::size_t(outer.area()) * OuterFloats + std::size_t(inner.area()) * InnerFloats);
     const auto image = [&next](const quell::Rect& r)
     {
       const quell::ImageOut made(next, 3, r);
@@ -328,7 +345,11 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
         filter(plain, smooth, errors, radiance, smoothed, tile);
         for (int y = tile.y0; y < tile.y1; ++y)
           for (int x = tile.x0; x < tile.x1; ++x)
-            choice.at(x, y)[0] = smoothed.at(x, y)[0] < smoothed.at(x, y)[1] ? 1.f : 0.f;
+          {
+            float* chosen = choice.at(x, y);
+            chosen[0] = smoothed.at(x, y)[0] < smoothed.at(x, y)[1] ? 1.f : 0.f;
+            chosen[1] = chosen[2] = 0;
+          }
       },
       0.8, 0.9);
     this->ForEachTile(

@@ -53,6 +53,7 @@ public:
   int HaloFor(int port) const override;
   /// With both halves radiance is read only where it tells between two widths.
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   void CheckConnections(quell::ConnectionCheck& check) const override;
   bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;

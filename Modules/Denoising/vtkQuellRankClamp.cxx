@@ -52,6 +52,11 @@ int vtkQuellRankClamp::HaloFor(int) const
   return std::max(1, this->Radius); // 1: a non-finite pixel is filled from its neighbours
 }
 
+double vtkQuellRankClamp::ScratchBytes(const quell::Rect& region, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(region.width(), quell::EnergyLedger::RowsPerStrip, this->Radius, 1);
+}
+
 void vtkQuellRankClamp::Execute(quell::StageFrame& frame)
 {
   const quell::ImageIn in = frame.Input(Radiance), id = frame.Input(Id);

@@ -96,6 +96,11 @@ void vtkQuellSampleFilter::CheckConnections(quell::ConnectionCheck& check) const
   }
 }
 
+double vtkQuellSampleFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(64, 64, this->HaloFor(0), 12 * std::max(1, this->GetNumberOfInputConnections(0)));
+}
+
 void vtkQuellSampleFilter::Gather(
   quell::StageFrame& frame, std::vector<quell::ImageIn> (&views)[5], quell::SampleFilterParameters& p) const
 {

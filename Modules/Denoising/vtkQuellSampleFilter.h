@@ -66,6 +66,7 @@ public:
 
   bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   void CheckConnections(quell::ConnectionCheck& check) const override;
   double CostPerPixel() const override { return 8. * (2 * this->Radius + 1) * (2 * this->Radius + 1) / 121; }
 

@@ -69,6 +69,11 @@ int vtkQuellVarianceEstimate::HaloFor(int) const
   return quell::VariancePass::Radius;
 }
 
+double vtkQuellVarianceEstimate::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(TileWidth, TileRows, quell::VariancePass::Radius, quell::GuidedPlanes::Most(12));
+}
+
 void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
 {
   const quell::Rect region = frame.Region();

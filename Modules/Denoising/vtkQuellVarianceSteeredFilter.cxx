@@ -18,6 +18,7 @@ enum Ports
   Albedo,
   Id
 };
+constexpr int TileSize = 96;
 }
 
 void vtkQuellVarianceSteeredFilter::Describe(quell::StageDescription& d)
@@ -64,6 +65,13 @@ int vtkQuellVarianceSteeredFilter::HaloFor(int) const
   return quell::VarianceSteeredHalo(p);
 }
 
+double vtkQuellVarianceSteeredFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  // What is read; a result and an error for each scale.
+  return quell::TileScratchBytes(
+    TileSize, TileSize, this->HaloFor(0), 13 + 9 * (quell::VarianceSteeredParameters::MostScales + 1));
+}
+
 void vtkQuellVarianceSteeredFilter::Execute(quell::StageFrame& frame)
 {
   quell::VarianceSteeredInputs in;
@@ -77,7 +85,7 @@ void vtkQuellVarianceSteeredFilter::Execute(quell::StageFrame& frame)
   const quell::VarianceSteeredOutputs out{ frame.Output("radiance"), frame.Output("variance"), frame.Output("sigma") };
   quell::PixelCount bad;
   // What is around a tile is judged again with it: larger tiles waste less.
-  this->ForEachTile(frame.Region(), 96,
+  this->ForEachTile(frame.Region(), TileSize,
     [&](const quell::Rect& tile)
     {
       static thread_local quell::Scratch scratch;

@@ -128,6 +128,21 @@ void vtkQuellImageReader::CountNonFinite(const std::string& name, const quell::I
                              std::to_string(firstX) + ", " + std::to_string(firstY) + ") from the bottom left");
 }
 
+double vtkQuellImageReader::ScratchBytes(const quell::Rect&, const quell::Rect& whole, const quell::ArraySet&)
+{
+  double channels = 0;
+  try
+  {
+    for (const quell::OutputArray& array : this->ListDynamicOutputs())
+      channels += array.Components;
+  }
+  catch (const quell::StageError&)
+  {
+    return 0; // said where it matters
+  }
+  return quell::ReadBufferBytes(whole.width(), whole.height(), channels);
+}
+
 void vtkQuellImageReader::Execute(quell::StageFrame& frame)
 {
   quell::ReadOptions options = OptionsOf(this);

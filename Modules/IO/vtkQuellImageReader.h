@@ -37,6 +37,7 @@ public:
   ///@}
 
   std::vector<quell::OutputArray> ListDynamicOutputs() override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
 
 protected:
   vtkQuellImageReader();

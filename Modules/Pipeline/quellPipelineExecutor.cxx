@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellPipelineExecutor.h"
 
+#include "quellPixelMemory.h"
 #include "vtkCallbackCommand.h"
 #include "vtkExecutive.h"
 #include "vtkImageData.h"
@@ -550,6 +551,7 @@ bool PipelineExecutor::RunBands(int tick, std::vector<Asked>& asked, TickResult&
     this->Stages[std::size_t(a.What.Node)]->BeginBands(a.Region);
   }
   bool good = true;
+  const std::size_t kept = KeepPixelMemory(0); // bands are for those who have little
   this->Watch->Bands = bands;
   for (int band = 0; band < bands && good; ++band)
   {
@@ -576,6 +578,7 @@ bool PipelineExecutor::RunBands(int tick, std::vector<Asked>& asked, TickResult&
   }
   this->Watch->Band = 0;
   this->Watch->Bands = 1;
+  KeepPixelMemory(kept);
   for (const Asked& a : asked)
   {
     vtkQuellStage* stage = this->Stages[std::size_t(a.What.Node)];
