@@ -2,13 +2,13 @@
 #include "vtkQuellBilateralFilter.h"
 
 #include "quellBilateral.h"
+#include "quellCarriedArrays.h"
 #include "quellGuideVariances.h"
 #include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
 #include <cctype>
 #include <cmath>
-#include <sstream>
 
 vtkStandardNewMacro(vtkQuellBilateralFilter);
 QUELL_STAGE_DESCRIPTION(vtkQuellBilateralFilter)
@@ -69,16 +69,6 @@ double UsualSigma(quell::GuideDistance distance)
     default:
       return 0.1;
   }
-}
-
-std::vector<std::string> Names(const std::string& text)
-{
-  std::istringstream in(text);
-  std::vector<std::string> names;
-  for (std::string name; in >> name;)
-    if (name != "radiance")
-      names.push_back(name);
-  return names;
 }
 
 std::string Lower(std::string text)
@@ -200,7 +190,7 @@ bool vtkQuellBilateralFilter::Makes(const std::string& array) const
 {
   if (this->vtkQuellStage::Makes(array))
     return true;
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (name == array)
       return true;
   return false;
@@ -208,7 +198,7 @@ bool vtkQuellBilateralFilter::Makes(const std::string& array) const
 
 void vtkQuellBilateralFilter::CheckSettings()
 {
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (KindOf(name) == quell::ArrayKind::Id || KindOf(name) == quell::ArrayKind::Moments ||
         KindOf(name) == quell::ArrayKind::Depth)
       throw quell::StageError("Arrays: \"" + name + "\" has no weighted mean (" + quell::KindDoc(KindOf(name)) + ")");
@@ -217,7 +207,8 @@ void vtkQuellBilateralFilter::CheckSettings()
 int vtkQuellBilateralFilter::HaloFor(int) const
 {
   // A non-finite pixel is filled from its neighbours; so is a carried value, which may be a tap.
-  return Names(this->Arrays).empty() ? std::max(1, this->EffectiveRadius()) : this->EffectiveRadius() + 1;
+  return quell::CarriedArrays(this->Arrays).empty() ? std::max(1, this->EffectiveRadius())
+                                                    : this->EffectiveRadius() + 1;
 }
 
 double vtkQuellBilateralFilter::CostPerPixel() const
@@ -232,17 +223,18 @@ vtkQuellBilateralFilter::GuideSettings vtkQuellBilateralFilter::SettingsOf(int p
   return found == this->Settings.end() ? GuideSettings() : found->second;
 }
 
-int vtkQuellBilateralFilter::DistanceOf(int connection, bool normals) const
+int vtkQuellBilateralFilter::DistanceOf(int connection, const std::string& array, bool normals) const
 {
   const GuideSettings settings = this->SettingsOf(Guide, connection);
   if (settings.Distance >= 0)
     return settings.Distance;
-  const quell::GuideDistance usual = UsualDistance(this->GetInputArray(Guide, connection));
+  const quell::GuideDistance usual = UsualDistance(array);
   return int(usual == quell::GuideDistance::Plane && !normals ? quell::GuideDistance::Euclidean : usual);
 }
 
 void vtkQuellBilateralFilter::CheckConnections(quell::ConnectionCheck& check) const
 {
+  quell::CheckCarriedArrays(check, this->Arrays, quell::BilateralInputs::MostCarriedComponents, true);
   check.WantAtMost(Guide, quell::BilateralInputs::MostGuides);
   std::vector<std::string> names, wanted;
   for (int c = 0; c < check.Count(Guide); ++c)
@@ -256,7 +248,7 @@ void vtkQuellBilateralFilter::CheckConnections(quell::ConnectionCheck& check) co
   for (int c = 0; c < check.Count(GuideVariance); ++c)
   {
     const int guide = of[std::size_t(c)];
-    const int distance = guide < 0 ? 0 : this->DistanceOf(guide, check.Count(Normal) > 0);
+    const int distance = guide < 0 ? 0 : this->DistanceOf(guide, check.At(Guide, guide).Array, check.Count(Normal) > 0);
     if (distance >= int(quell::GuideDistance::Plane))
       check.Error(GuideVariance, c,
         "guide \"" + names[std::size_t(guide)] + "\" is compared by distance " + distances[std::size_t(distance)] +
@@ -269,7 +261,7 @@ void vtkQuellBilateralFilter::CheckGuide(quell::ConnectionCheck& check, int c) c
 {
   const quell::ConnectionCheck::Connection& guide = check.At(Guide, c);
   const int n = guide.Components;
-  const auto distance = quell::GuideDistance(this->DistanceOf(c, check.Count(Normal) > 0));
+  const auto distance = quell::GuideDistance(this->DistanceOf(c, guide.Array, check.Count(Normal) > 0));
   const std::string& name = distances[std::size_t(distance)];
   const bool vector = distance == quell::GuideDistance::Color || distance == quell::GuideDistance::Normal ||
                       distance == quell::GuideDistance::Plane;
@@ -280,7 +272,7 @@ void vtkQuellBilateralFilter::CheckGuide(quell::ConnectionCheck& check, int c) c
     check.Error(Guide, c, has + ", distance " + name + " compares " + (vector ? "3" : "1"),
       n == 1   ? "for one component there are Euclidean, LogDepth and Id"
       : n == 3 ? "for three components there are Euclidean, Color, Normal and Plane"
-               : "distance=\"Euclidean\" takes any number");
+               : "distance=\"Euclidean\" takes any up to 3");
   else if (distance == quell::GuideDistance::Plane && check.Count(Normal) == 0)
     check.Error(Guide, c, "distance Plane needs input \"normal\"", "connect it, or say distance=\"Euclidean\"");
 }
@@ -318,7 +310,7 @@ void vtkQuellBilateralFilter::Gather(
     names.push_back(this->GuideName(c, this->GetInputArray(Guide, c)));
     quell::BilateralGuide& g = in.guides[in.guideCount++];
     g.value = frame.Input(Guide, c);
-    g.distance = quell::GuideDistance(this->DistanceOf(c, bool(in.normal)));
+    g.distance = quell::GuideDistance(this->DistanceOf(c, this->GetInputArray(Guide, c), bool(in.normal)));
     const double sigma = this->SettingsOf(Guide, c).Sigma;
     g.sigma = sigma < 0 ? UsualSigma(g.distance) : sigma;
   }
@@ -348,7 +340,7 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
   quell::BilateralOutputs out;
   out.radiance = frame.Output("radiance");
   int components = 0;
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
   {
     if (!frame.Wants(name))
       continue;

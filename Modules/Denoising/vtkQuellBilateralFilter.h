@@ -112,7 +112,7 @@ private:
   };
 
   GuideSettings SettingsOf(int port, int connection) const;
-  int DistanceOf(int connection, bool normals) const; ///< quell::GuideDistance in force
+  int DistanceOf(int connection, const std::string& array, bool normals) const; ///< quell::GuideDistance in force
   std::string GuideName(int connection, const std::string& array) const;
   void CheckGuide(quell::ConnectionCheck& check, int connection) const;
 

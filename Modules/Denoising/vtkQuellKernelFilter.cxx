@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkQuellKernelFilter.h"
 
+#include "quellCarriedArrays.h"
 #include "quellGuards.h"
 #include "quellKernelFilter.h"
 #include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
 #include <cmath>
-#include <sstream>
 
 vtkStandardNewMacro(vtkQuellKernelFilter);
 QUELL_STAGE_DESCRIPTION(vtkQuellKernelFilter)
@@ -27,15 +27,6 @@ enum Kernels
   FromMatrix
 };
 constexpr int TileSize = 64;
-
-std::vector<std::string> Names(const std::string& text)
-{
-  std::istringstream in(text);
-  std::vector<std::string> names;
-  for (std::string name; in >> name;)
-    names.push_back(name);
-  return names;
-}
 
 quell::ArrayKind KindOf(const std::string& array)
 {
@@ -124,7 +115,7 @@ void vtkQuellKernelFilter::CheckSettings()
   if (this->Normalize && std::fabs(sum) <= 1e-6 * magnitude)
     throw quell::StageError(
       "Matrix: its weights add up to 0, so there is nothing to divide by; set Normalize to false");
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (KindOf(name) == quell::ArrayKind::Id || KindOf(name) == quell::ArrayKind::Moments)
       throw quell::StageError("Arrays: \"" + name + "\" has no weighted mean (" + quell::KindDoc(KindOf(name)) + ")");
 }
@@ -133,7 +124,7 @@ bool vtkQuellKernelFilter::Makes(const std::string& array) const
 {
   if (this->vtkQuellStage::Makes(array))
     return true;
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (name == array)
       return true;
   return false;
@@ -160,6 +151,11 @@ double vtkQuellKernelFilter::ScratchBytes(const quell::Rect&, const quell::Rect&
   return quell::TileScratchBytes(TileSize, TileSize, this->HaloFor(0), 2 * (4 + 1));
 }
 
+void vtkQuellKernelFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  quell::CheckCarriedArrays(check, this->Arrays, 4, false);
+}
+
 void vtkQuellKernelFilter::Execute(quell::StageFrame& frame)
 {
   this->CheckSettings();
@@ -174,8 +170,8 @@ void vtkQuellKernelFilter::Execute(quell::StageFrame& frame)
   const quell::ImageIn color = frame.Input(Radiance);
   if (frame.Wants("radiance"))
     works.push_back({ color, frame.Output("radiance"), quell::ArrayKind::Color });
-  for (const std::string& name : Names(this->Arrays))
-    if (name != "radiance" && frame.Wants(name))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
+    if (frame.Wants(name))
     {
       const quell::ImageIn in = frame.InputArray(Radiance, 0, name);
       if (in.components < 1 || in.components > 4)

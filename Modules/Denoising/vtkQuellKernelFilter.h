@@ -61,6 +61,7 @@ public:
   bool FillsOutputs() const override { return true; }
   bool Makes(const std::string& array) const override;
   void CheckSettings() override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
 
 protected:
   vtkQuellKernelFilter();

@@ -607,6 +607,27 @@ TEST(KernelFilter, FiltersTheNamedArraysWithTheColoursWeights)
   EXPECT_EQ(filter->GetCounters().NonFinite, 0) << "radiance itself was not asked for";
 }
 
+TEST(KernelFilter, TellsOfArraysThatTheInputLacks)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  for (const char* type : { "KernelFilter", "BilateralFilter" })
+  {
+    auto filter = Make(type);
+    std::string error;
+    ASSERT_TRUE(filter->SetPropertyText("Arrays", "radiance albdo normal", error)) << error;
+    ASSERT_TRUE(filter->SetPropertyText("Radius", "1", error)) << error;
+    filter->ConnectInput("radiance", source);
+    filter->Update();
+    EXPECT_EQ(filter->GetErrorText(), "");
+    ASSERT_EQ(filter->GetWarnings().size(), 1u);
+    EXPECT_EQ(filter->GetWarnings()[0],
+      "input \"radiance\": Arrays names \"albdo\", which is not there; did you mean \"albedo\"?");
+    ASSERT_TRUE(filter->SetPropertyText("Arrays", "albedo", error)) << error;
+    filter->Update();
+    EXPECT_TRUE(filter->GetWarnings().empty());
+  }
+}
+
 TEST(KernelFilter, RefusesWhatMakesNoSense)
 {
   Quiet quiet;
