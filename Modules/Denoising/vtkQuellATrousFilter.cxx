@@ -105,7 +105,8 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   pass.depthEpsilon = float(this->DepthEpsilon);
   pass.luminanceEpsilon = float(this->LuminanceEpsilon);
 
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
+  const quell::Rect counted = this->NonFinite.CountedRegion();
   const auto rows = [this](const quell::Rect& r, auto&& body)
   {
     this->ForEachTile(
@@ -114,7 +115,7 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   this->Planes.Fill(rows,
     [&](int y0, int y1)
     {
-      this->NonFinite.Add(quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, region));
+      this->NonFinite.Add(counted, quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, counted));
       quell::ClearPadding(pass.guides.layout, pass.out, y0, y1);
     });
 
@@ -152,7 +153,7 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   }
   if (colorOut || varianceOut)
     store(colorOut, varianceOut);
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }
 
 void vtkQuellATrousFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)

@@ -149,9 +149,11 @@ void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
         rows[y - region.y0] = quell::AovSplit(in, float(this->Tolerance), out, { region.x0, y, region.x1, y + 1 });
     });
   quell::AovCheck sum;
+  this->NonFinite.Begin(region, frame.Tick());
   for (const quell::AovCheck& row : rows)
   {
-    sum.NonFinite += row.NonFinite;
+    const int y = region.y0 + int(&row - rows.data());
+    this->NonFinite.Add({ region.x0, y, region.x1, y + 1 }, row.NonFinite);
     sum.Over += row.Over;
     if (row.Worst > sum.Worst)
     {
@@ -171,9 +173,7 @@ void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
       (long long)sum.Over, (long long)region.area(), this->Tolerance, sum.Worst, sum.WorstX, sum.WorstY);
     this->Warnings.push_back(text);
   }
-  quell::PixelCount bad;
-  bad.Add(sum.NonFinite);
-  bad.Report(this->Counters, this->Warnings, "the passes");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "the passes");
 }
 
 std::string vtkQuellAovSplit::GetReport() const

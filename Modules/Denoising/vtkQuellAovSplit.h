@@ -51,6 +51,7 @@ private:
   long long PixelsOver = 0;
   double Worst = 0;
   bool HasPasses = false;
+  quell::PixelCount NonFinite;
 
   vtkQuellAovSplit(const vtkQuellAovSplit&) = delete;
   void operator=(const vtkQuellAovSplit&) = delete;

@@ -353,14 +353,19 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
     out.carried[in.carriedCount++] = frame.AddOutput(name, image.components);
   }
 
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), TileSize,
-    [&](const quell::Rect& tile)
+    [&](const quell::Rect& whole)
     {
-      static thread_local quell::Scratch scratch;
-      this->NonFinite.Add(quell::Bilateral(in, p, out, tile, scratch.Take(quell::BilateralScratch(in, p, tile))));
+      this->NonFinite.Apart(whole,
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch scratch;
+          this->NonFinite.Add(
+            tile, quell::Bilateral(in, p, out, tile, scratch.Take(quell::BilateralScratch(in, p, tile))));
+        });
     });
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
   const std::int64_t side = 2 * this->EffectiveRadius() + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
 }

@@ -59,7 +59,8 @@ public:
   vtkSetClampMacro(Range, int, 0, 2);
   vtkGetMacro(Range, int);
   ///@}
-  ///@{ Radiance that is white in the picture, default 1, range [1e-30, 1e30]. A frame k times as bright is filtered alike
+  ///@{ Radiance that is white in the picture, default 1, range [1e-30, 1e30]. A frame k times as bright is filtered
+  ///alike
   /// with k times this.
   vtkSetClampMacro(White, double, 1e-30, 1e30);
   vtkGetMacro(White, double);

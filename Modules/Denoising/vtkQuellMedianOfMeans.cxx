@@ -59,9 +59,8 @@ void vtkQuellMedianOfMeans::Execute(quell::StageFrame& frame)
     frame.Region(), frame.Tick(),
     [this](const quell::Rect& rows, auto&& body) { this->ForEachTile(rows, quell::EnergyLedger::RowsPerStrip, body); },
     [&](const quell::Rect& strip) { return quell::MedianOfMeans(buffers.data(), count, p, out, strip); });
-  quell::PixelCount bad;
-  bad.Add(ledger.NonFinite);
-  bad.Report(this->Counters, this->Warnings, "the buffers");
+  quell::PixelCount::Report(ledger.NonFinite, this->Ledger.Total().NonFinite, this->Counters, this->Warnings,
+    this->CountedWarning, "the buffers");
 }
 
 std::string vtkQuellMedianOfMeans::GetReport() const

@@ -203,7 +203,7 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
   p.regress = this->Regresses();
   const quell::ImageOut out = frame.Output("radiance"), varianceOut = frame.Output("variance");
   const quell::Rect region = frame.Region();
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   // The variance of the buffer that gives the weights, for the pixels that a tile reads.
   const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory) -> quell::ImageIn
   {
@@ -264,22 +264,31 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
 
   if (!halves)
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& tile)
+      [&](const quell::Rect& whole)
       {
-        static thread_local quell::Scratch spare;
-        this->NonFinite.Add(filter(in, p, radiance, radiance,
-          out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile));
+        this->NonFinite.Apart(whole,
+          [&](const quell::Rect& tile)
+          {
+            static thread_local quell::Scratch spare;
+            this->NonFinite.Add(
+              tile, filter(in, p, radiance, radiance,
+                      out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile));
+          });
       });
   else if (!this->Selects())
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& tile)
+      [&](const quell::Rect& whole)
       {
-        static thread_local quell::Scratch results;
-        const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
-        const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
-        this->NonFinite.Add(filter(in, p, halfA, halfB, a, tile));
-        this->NonFinite.Add(filter(in, p, halfB, halfA, b, tile));
-        store(a, b, tile);
+        this->NonFinite.Apart(whole,
+          [&](const quell::Rect& tile)
+          {
+            static thread_local quell::Scratch results;
+            const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
+            const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
+            this->NonFinite.Add(tile, filter(in, p, halfA, halfB, a, tile));
+            this->NonFinite.Add(tile, filter(in, p, halfB, halfA, b, tile));
+            store(a, b, tile);
+          });
       });
   else
   {
@@ -362,9 +371,9 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
         for (int y = tile.y0; y < tile.y1; ++y)
           for (int x = tile.x0; x < tile.x1; ++x)
           {
-            this->NonFinite.Add(!quell::Finite3(halfA.at(x, y)));
-            this->NonFinite.Add(!quell::Finite3(halfB.at(x, y)));
-            this->NonFinite.Add(!quell::Finite3(radiance.at(x, y)));
+            this->NonFinite.Add({ x, y, x + 1, y + 1 }, !quell::Finite3(halfA.at(x, y)));
+            this->NonFinite.Add({ x, y, x + 1, y + 1 }, !quell::Finite3(halfB.at(x, y)));
+            this->NonFinite.Add({ x, y, x + 1, y + 1 }, !quell::Finite3(radiance.at(x, y)));
             for (int half = 0; half < 2; ++half)
               for (int c = 0; c < 3; ++c)
               {
@@ -376,5 +385,5 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
       },
       0.9, 1);
   }
-  this->NonFinite.Report(this->Counters, this->Warnings, halves ? "the halves" : "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, halves ? "the halves" : "radiance");
 }

@@ -68,21 +68,25 @@ void vtkQuellNormalSnap::CheckConnections(quell::ConnectionCheck& check) const
 
 void vtkQuellNormalSnap::Execute(quell::StageFrame& frame)
 {
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->Superclass::Execute(frame);
-  this->NonFinite.Report(this->Counters, this->Warnings, "normal");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "normal");
 }
 
 void vtkQuellNormalSnap::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  quell::SnapNormalsInputs in;
-  in.normal = frame.Input(Normal);
-  in.depth = frame.Input(Depth);
-  in.position = frame.Input(Position);
-  in.id = frame.Input(Id);
-  in.variance = frame.Input(VarianceNormal);
-  quell::SnapNormalsParameters p;
-  p.sigmaDepth = this->SigmaDepth;
-  p.mixedVariance = this->MixedVariance;
-  this->NonFinite.Add(quell::SnapNormals(in, p, frame.Output("normal"), tile));
+  this->NonFinite.Apart(tile,
+    [&](const quell::Rect& part)
+    {
+      quell::SnapNormalsInputs in;
+      in.normal = frame.Input(Normal);
+      in.depth = frame.Input(Depth);
+      in.position = frame.Input(Position);
+      in.id = frame.Input(Id);
+      in.variance = frame.Input(VarianceNormal);
+      quell::SnapNormalsParameters p;
+      p.sigmaDepth = this->SigmaDepth;
+      p.mixedVariance = this->MixedVariance;
+      this->NonFinite.Add(part, quell::SnapNormals(in, p, frame.Output("normal"), part));
+    });
 }

@@ -72,9 +72,8 @@ void vtkQuellRankClamp::Execute(quell::StageFrame& frame)
     });
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
-  quell::PixelCount bad;
-  bad.Add(ledger.NonFinite);
-  bad.Report(this->Counters, this->Warnings, "radiance");
+  quell::PixelCount::Report(
+    ledger.NonFinite, this->Ledger.Total().NonFinite, this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }
 
 std::string vtkQuellRankClamp::GetReport() const

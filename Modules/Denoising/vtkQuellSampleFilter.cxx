@@ -125,16 +125,21 @@ void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
   const int count = int(views[Radiance].size());
   const quell::SampleFilterInputs in = InputsOf(views);
   const quell::ImageOut out = frame.Output("radiance");
-  quell::PixelCount bad;
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), 64,
-    [&](const quell::Rect& tile)
+    [&](const quell::Rect& whole)
     {
-      static thread_local quell::Scratch scratch;
-      bad.Add(quell::SampleFilter(in, p, out, tile, scratch.Take(quell::SampleFilterScratch(in, p, tile))));
+      this->NonFinite.Apart(whole,
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch scratch;
+          this->NonFinite.Add(
+            tile, quell::SampleFilter(in, p, out, tile, scratch.Take(quell::SampleFilterScratch(in, p, tile))));
+        });
     });
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side * count * (this->Pairs ? count : 1);
-  bad.Report(this->Counters, this->Warnings, "the samples");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "the samples");
 }
 
 void vtkQuellSampleFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)

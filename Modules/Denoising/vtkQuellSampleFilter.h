@@ -83,6 +83,7 @@ private:
   int Radius = 5, Pairs = 1;
   double SigmaSpatial = 2, SigmaNormal = 0.2, SigmaDepth = 0.05, SigmaAlbedo = 0.1, Floor = 1e-3;
   bool Demodulate = true;
+  quell::PixelCount NonFinite;
 
   vtkQuellSampleFilter(const vtkQuellSampleFilter&) = delete;
   void operator=(const vtkQuellSampleFilter&) = delete;

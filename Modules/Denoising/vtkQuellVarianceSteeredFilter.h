@@ -53,6 +53,7 @@ protected:
 private:
   int Scales = 4;
   double SigmaNormal = 0.2, SigmaDepth = 0.05, SigmaAlbedo = 0.1;
+  quell::PixelCount NonFinite;
 
   vtkQuellVarianceSteeredFilter(const vtkQuellVarianceSteeredFilter&) = delete;
   void operator=(const vtkQuellVarianceSteeredFilter&) = delete;

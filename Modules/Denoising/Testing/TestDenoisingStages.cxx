@@ -25,6 +25,7 @@
 
 #include <array>
 #include <cfloat>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -197,6 +198,37 @@ TEST_P(EveryStage, ExecutesOnceAndNothingTheSecondTime)
   ASSERT_TRUE(sink->UpdateTick(0));
   EXPECT_EQ(stage->GetCounters().Executions, 1);
   EXPECT_EQ(source->Runs, 1);
+}
+
+// Bands overlap by the rows that later stages read: each pixel is counted once, and the last band tells of all.
+TEST_P(EveryStage, CountsAFrameMadeInBandsOnce)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->Change = [](const std::string& name, int x, int y, int, float v)
+  { return name != "id" && Hash(x, y, 0, name[0]) < 0.05f ? NaN : v; };
+  const auto run = [&](const std::vector<quell::Rect>& bands, std::vector<std::string>& told)
+  {
+    auto stage = Make(GetParam());
+    ConnectAll(stage, source);
+    vtkNew<vtkQuellCollector> sink;
+    for (const quell::Rect& band : bands)
+    {
+      sink->ClearRequests();
+      sink->AddRequest(stage, Outputs(stage), band);
+      EXPECT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+      told.push_back(stage->GetCountedWarning());
+      const std::vector<std::string>& all = stage->GetWarnings();
+      EXPECT_EQ(std::count(all.begin(), all.end(), told.back()), told.back().empty() ? 0 : 1);
+    }
+    return stage->GetCounters().NonFinite;
+  };
+  std::vector<std::string> whole, bands;
+  const std::int64_t pixels = run({ { 0, 0, 75, 70 } }, whole);
+  EXPECT_GT(pixels, 0);
+  EXPECT_EQ(whole.back().find(std::to_string(pixels) + " pixels of "), 0u) << whole.back();
+  EXPECT_EQ(run({ { 0, 45, 75, 70 }, { 0, 22, 75, 55 }, { 0, 0, 75, 32 } }, bands), pixels);
+  EXPECT_EQ(bands.back(), whole.back());
+  EXPECT_NE(bands.front(), whole.back());
 }
 
 TEST_P(EveryStage, RegionEqualsCropAndReadsItsHalo)
@@ -1055,8 +1087,8 @@ void ExpectWeightsMakePixels(vtkQuellStage* filter, vtkQuellNoisyFrame* source, 
     EXPECT_NEAR(sum, 1, 2e-6) << p.first << ", " << p.second;
     const std::array<double, 3> made = Weighed(weights, in);
     for (int c = 0; c < 3; ++c)
-      EXPECT_NEAR(made[std::size_t(c)], double(out.at(p.first, p.second)[c]),
-        1e-5 * double(out.at(p.first, p.second)[c]))
+      EXPECT_NEAR(
+        made[std::size_t(c)], double(out.at(p.first, p.second)[c]), 1e-5 * double(out.at(p.first, p.second)[c]))
         << p.first << ", " << p.second << " channel " << c;
   }
   quell::PixelWeights none;
