@@ -86,8 +86,9 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
     "anywhere");
   app
     ->add_option("--memory", a.MemoryMegabytes,
-      "Make each frame in bands of rows where the arrays between the stages would need more than this many 10^6 bytes, "
-      "or refuse to start where bands do not do; scene and scratch come on top. Default: a quarter of the machine's memory")
+      "Make each frame in bands of rows where the run would need more than this many 10^6 bytes (arrays, the stages' "
+      "scratch and 170 for the program), or refuse to start where bands do not do; scenes come on top. "
+      "Default: a quarter of the machine's memory")
     ->type_name("MB")
     ->check(positive);
   app

@@ -117,6 +117,7 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   out["frames"] = { { "first", plan.FirstTick }, { "end", plan.EndTick }, { "warmUp", plan.WarmUp },
     { "restWeight", plan.RestWeight }, { "rate", plan.Ticks.Rate } };
   out["arrayBytes"] = PlanBytes(plan);
+  out["memoryBytes"] = PlanMemory(plan);
   int unknown = 0;
   const double seconds = PlanSeconds(plan, unknown);
   if (seconds >= 0)
@@ -139,7 +140,7 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   for (const PlannedNode& n : plan.Nodes)
   {
     json node = { { "id", n.Path }, { "type", n.Type }, { "executes", n.Executes }, { "makes", n.Makes },
-      { "passes", n.Passes }, { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes },
+      { "passes", n.Passes }, { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes }, { "scratchBytes", n.ScratchBytes },
       { "keptBytes", n.KeptBytes }, { "notes", n.Notes } };
     if (n.Seconds >= 0)
     {

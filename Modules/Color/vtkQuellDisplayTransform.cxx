@@ -183,7 +183,8 @@ void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
 {
   this->CheckSettings();
   const quell::ImageIn in = frame.Input(0);
-  const quell::Rect region = frame.Region().clipped(in.extent);
+  bool started = false;
+  const quell::Rect region = this->Counted.Add(frame.Region(), frame.Tick(), started).clipped(in.extent);
   long long bad = 0;
   int firstX = 0, firstY = 0;
   for (int y = region.y0; y < region.y1; ++y)
@@ -194,10 +195,22 @@ void vtkQuellDisplayTransform::Prepare(quell::StageFrame& frame)
         firstY = y;
       }
   this->Counters.NonFinite += bad;
-  if (bad)
-    this->Warnings.push_back(std::to_string(bad) + " pixels of radiance are not finite, the first at (" +
-                             std::to_string(firstX) + ", " + std::to_string(firstY) +
-                             ") from the bottom left; filled from neighbours");
+  if (started)
+    this->NonFinite = 0;
+  // What a later band adds lies below: its first is the first of all.
+  if (bad && (this->NonFinite == 0 || firstY < this->FirstY))
+  {
+    this->FirstX = firstX;
+    this->FirstY = firstY;
+  }
+  this->NonFinite += bad;
+  if (this->NonFinite)
+  {
+    this->CountedWarning = std::to_string(this->NonFinite) + " pixels of radiance are not finite, the first at (" +
+                           std::to_string(this->FirstX) + ", " + std::to_string(this->FirstY) +
+                           ") from the bottom left; filled from neighbours";
+    this->Warnings.push_back(this->CountedWarning);
+  }
 }
 
 void vtkQuellDisplayTransform::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const

@@ -14,6 +14,7 @@
 #define vtkQuellDisplayTransform_h
 
 #include "vtkQuellColorModule.h"
+#include "quellCountedRows.h"
 #include "vtkQuellStage.h"
 
 #include <memory>
@@ -58,6 +59,9 @@ private:
   double Exposure = 0;
   struct Internals;
   std::unique_ptr<Internals> Data;
+  quell::CountedRows Counted;
+  long long NonFinite = 0; ///< of the frame so far
+  int FirstX = 0, FirstY = 0;
 
   vtkQuellDisplayTransform(const vtkQuellDisplayTransform&) = delete;
   void operator=(const vtkQuellDisplayTransform&) = delete;

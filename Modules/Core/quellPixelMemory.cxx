@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <mutex>
 #include <new>
+#include <utility>
 #include <vector>
 
 namespace quell
@@ -42,6 +43,7 @@ struct Pool
   std::size_t MostBefore = 0; ///< in the window before
   int Given = 0;
   std::size_t Made = 0;
+  std::size_t Kept = PixelMemoryKept;
 
   void Take(std::size_t size)
   {
@@ -52,7 +54,7 @@ struct Pool
   /// Gives back to the system what is above the limit. The blocks that waited longest go first.
   void Trim() noexcept
   {
-    const std::size_t limit = std::max(PixelMemoryKept, std::max(this->Most, this->MostBefore) - this->Used);
+    const std::size_t limit = std::max(this->Kept, std::max(this->Most, this->MostBefore) - this->Used);
     while (this->Bytes > limit)
     {
       this->Bytes -= HeaderOf(this->Free.front()).Size;
@@ -163,6 +165,15 @@ void GivePixelMemory(void* memory) noexcept
   }
   pool.Bytes += size;
   pool.Trim();
+}
+
+std::size_t KeepPixelMemory(std::size_t bytes) noexcept
+{
+  Pool& pool = ThePool();
+  std::lock_guard<std::mutex> lock(pool.Mutex);
+  std::swap(pool.Kept, bytes);
+  pool.Trim();
+  return bytes;
 }
 
 std::size_t PixelMemoryWaiting() noexcept

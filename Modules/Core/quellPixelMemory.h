@@ -21,6 +21,8 @@ VTKQUELLCORE_EXPORT float* TakePixelMemory(std::size_t floats);
 VTKQUELLCORE_EXPORT void GivePixelMemory(void* memory) noexcept;
 /// Bytes that are kept and used by nobody.
 VTKQUELLCORE_EXPORT std::size_t PixelMemoryWaiting() noexcept;
+/// Another number than PixelMemoryKept: where memory is short, 0. Returns the one before.
+VTKQUELLCORE_EXPORT std::size_t KeepPixelMemory(std::size_t bytes) noexcept;
 }
 
 #endif

@@ -53,6 +53,32 @@ std::string ArrayList(vtkImageData* image)
       text += (text.empty() ? "" : ", ") + std::string(name);
   return text.empty() ? "none" : text;
 }
+/// Adds what can be asked of a producer: made there, or passed through. False: who knows.
+bool ArraysUpstream(vtkAlgorithm* producer, std::vector<quell::OutputArray>& arrays)
+{
+  for (vtkAlgorithm* at = producer;;)
+  {
+    auto* stage = vtkQuellStage::SafeDownCast(at);
+    if (!stage)
+      return false;
+    const auto add = [&arrays](const std::vector<quell::OutputArray>& made)
+    { arrays.insert(arrays.end(), made.begin(), made.end()); };
+    add(stage->GetDescription().Outputs);
+    try
+    {
+      add(stage->ListDynamicOutputs());
+    }
+    catch (const std::exception&)
+    {
+      return false;
+    }
+    if (stage->GetDescription().Inputs.empty())
+      return true;
+    if (stage->GetNumberOfInputConnections(0) == 0)
+      return false;
+    at = stage->GetInputAlgorithm(0, 0);
+  }
+}
 }
 
 struct vtkQuellStage::PortState
@@ -225,6 +251,11 @@ bool vtkQuellStage::SetInputAttribute(int port, int, const std::string& name, co
 {
   error = "input \"" + this->GetDescription().Inputs.at(port).Name + "\" has no attribute \"" + name + "\"";
   return false;
+}
+
+double vtkQuellStage::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  return 0;
 }
 
 void vtkQuellStage::BeginBands(const quell::Rect& region) {}
@@ -420,6 +451,7 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
 {
   this->ErrorText.clear();
   this->Warnings.clear();
+  this->CountedWarning.clear();
   // After a failure VTK goes on with the other inputs of every reader, and comes here again on each path.
   if (this->IsCancelled())
     return this->Fail("cancelled");
@@ -489,6 +521,7 @@ int vtkQuellStage::RequestData(vtkInformation*, vtkInformationVector** inputVect
     if (makes || dynamic || description.Sink)
     {
       const auto start = std::chrono::steady_clock::now();
+      this->CheckConnectionsNow(inputVector);
       this->Execute(frame);
       this->Counters.Seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       ++this->Counters.Executions;
@@ -599,6 +632,36 @@ bool vtkQuellStage::WeighPixel(int x, int y, quell::PixelWeights& weights, std::
     return false;
   }
   return true;
+}
+
+void vtkQuellStage::CheckConnectionsNow(vtkInformationVector** inputVector)
+{
+  const auto& description = this->GetDescription();
+  quell::ConnectionCheck check;
+  check.Ports.resize(description.Inputs.size());
+  const auto add = [&](int p, int c, vtkImageData* image, vtkAlgorithm* producer)
+  {
+    quell::ConnectionCheck::Connection connection;
+    connection.Array = this->GetInputArray(p, c);
+    vtkDataArray* array = image ? image->GetPointData()->GetArray(connection.Array.c_str()) : nullptr;
+    if (image && !array && !image->GetInformation()->Has(PROVIDED_ARRAYS()))
+      array = image->GetPointData()->GetScalars();
+    connection.Components = array ? array->GetNumberOfComponents() : 0;
+    connection.Holds = [producer](std::vector<quell::OutputArray>& arrays) { return ArraysUpstream(producer, arrays); };
+    check.Ports[std::size_t(p)].push_back(connection);
+  };
+  for (int p = 0; p < int(description.Inputs.size()); ++p)
+    if (this->Ports[std::size_t(p)]->Delayed)
+      add(p, 0, this->Ports[std::size_t(p)]->History, nullptr);
+    else
+      for (int c = 0; c < inputVector[p]->GetNumberOfInformationObjects(); ++c)
+        add(p, c, vtkImageData::GetData(inputVector[p], c), this->GetInputAlgorithm(p, c));
+  this->CheckConnections(check);
+  for (const auto& message : check.Messages())
+    if (!message.Warning)
+      throw quell::StageError(quell::ConnectionCheck::Text(description, message));
+    else if (!this->ConnectionsChecked)
+      this->Warnings.push_back(quell::ConnectionCheck::Text(description, message));
 }
 
 void vtkQuellStage::Prepare(quell::StageFrame&) {}

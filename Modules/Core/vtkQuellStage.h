@@ -22,6 +22,7 @@
 #define vtkQuellStage_h
 
 #include "quellCancelToken.h"
+#include "quellConnectionCheck.h"
 #include "quellFrameFacts.h"
 #include "quellImageView.h"
 #include "quellStageDescription.h"
@@ -143,6 +144,9 @@ public:
   const std::string& GetErrorText() const { return this->ErrorText; }
   /// Things the user should know about the last execution (missing texture, non-finite pixels ...).
   const std::vector<std::string>& GetWarnings() const { return this->Warnings; }
+  /// The one of them that counts over a frame: when the frame is made in bands, the next band's takes the place of this
+  /// one. Empty: there is none.
+  const std::string& GetCountedWarning() const { return this->CountedWarning; }
   /// One line that `quell run` prints after the last frame (CompareImages); empty: nothing to say.
   virtual std::string GetReport() const { return std::string(); }
   /// Files written by the last execution (writers), for the runner's summary.
@@ -162,6 +166,10 @@ public:
   /// What a pixel costs with the properties as they are, in units of a usual filter (100 ns of one thread): weighs the
   /// stages of a progress bar before there are times, and is what CostModel multiplies by what it measured of the type.
   virtual double CostPerPixel() const { return 1; }
+  /// Bytes that an execution over `region`, asked for these arrays, needs besides its inputs and outputs, and what the
+  /// stage keeps of it: planes, sums, files' buffers; about, and rather too much. What `quell run --memory` and explain
+  /// count. Asked of connected stages.
+  virtual double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked);
 
   /// Of the execution at work, for observers of its progress; on the thread that updates.
   virtual quell::SamplingStatus GetSamplingStatus() const { return {}; }
@@ -199,6 +207,13 @@ public:
   /// whose format nobody writes, a missing scene. Throws quell::StageError; called for every node before a pipeline
   /// runs.
   virtual void CheckSettings() {}
+
+  /// Tells what is wrong with the stage's connections together: how many, whose arrays, with which attributes; what one
+  /// connection alone can say (kinds, names) is checked already. Called when a pipeline is loaded, with what is known
+  /// then, and before every execution, with everything; so Execute relies on it.
+  virtual void CheckConnections(quell::ConnectionCheck&) const {}
+  /// Somebody else has called CheckConnections and told its warnings; errors are found before every execution anyway.
+  void SetConnectionsChecked(bool checked) { this->ConnectionsChecked = checked; }
 
   /// Array names the output may hold besides the described ones, known without executing (a reader's layers);
   /// throws quell::StageError when they cannot be known (missing file).
@@ -274,19 +289,22 @@ protected:
 
   quell::StageCounters Counters;
   std::vector<std::string> Warnings;
+  std::string CountedWarning; ///< one of Warnings, or empty
   quell::Timeline Ticks;
 
 private:
   friend class quell::StageFrame;
   int Fail(const std::string& text);
   quell::ArraySet WantedFrom(vtkInformation* outInfo) const;
+  /// CheckConnections with what the inputs hold now; throws the first error.
+  void CheckConnectionsNow(vtkInformationVector** inputVector);
 
   struct PortState;
   std::vector<std::unique_ptr<PortState>> Ports;
   quell::ArraySet AlwaysMake;
   std::shared_ptr<quell::CancelToken> Token;
   std::string ErrorText;
-  bool Watched = false;
+  bool Watched = false, ConnectionsChecked = false;
 
   vtkQuellStage(const vtkQuellStage&) = delete;
   void operator=(const vtkQuellStage&) = delete;

@@ -3,6 +3,7 @@
 #define quellEnergyLedger_h
 
 #include "quellClampLedger.h"
+#include "quellCountedRows.h"
 #include "quellImageView.h"
 #include "vtkQuellDenoisingModule.h"
 
@@ -12,20 +13,6 @@
 
 namespace quell
 {
-/// Which rows of a frame have been executed already: a frame made in bands of rows, each with the rows around it that
-/// later stages read, is counted once.
-class VTKQUELLDENOISING_EXPORT CountedRows
-{
-public:
-  /// The rows of `region` that were not in an earlier region of this tick; all of it when it does not continue them,
-  /// and then, or in another tick, `started` says that what was counted before is another frame's.
-  Rect Add(const Rect& region, int tick, bool& started);
-
-private:
-  Rect Rows;
-  int Tick = 0;
-};
-
 /// What an outlier stage took away from the last frame: booked by strips, told in one line.
 class VTKQUELLDENOISING_EXPORT EnergyLedger
 {

@@ -12,6 +12,8 @@ namespace quell
 class GuidedPlanes
 {
 public:
+  /// Planes that Begin makes room for.
+  static constexpr int Most(int planes) { return planes + 7; }
   /// Lays out planes over `read` with taps up to `reach` away, makes room for `planes` of them (guides not counted) and
   /// takes the guides' own; guides whose input is absent are absent.
   void Begin(const Rect& read, int reach, int planes, const ImageIn& depth, const ImageIn& normal, const ImageIn& id)
@@ -19,7 +21,7 @@ public:
     this->Depth = depth, this->Normal = normal, this->Id = id;
     this->Guides = GuidePlanes();
     this->Guides.layout = PlaneLayout(read, reach);
-    this->Next = this->Memory.Take(this->Guides.layout.size() * std::size_t(planes + 7));
+    this->Next = this->Memory.Take(this->Guides.layout.size() * std::size_t(Most(planes)));
     for (float** p : { &this->Guides.depth, &this->Guides.slopeX, &this->Guides.slopeY })
       *p = this->Take();
     for (float*& p : this->Guides.normal)

@@ -2,27 +2,57 @@
 #ifndef quellPixelCount_h
 #define quellPixelCount_h
 
+#include "quellCountedRows.h"
 #include "quellPixelMemory.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
 
+#include <algorithm>
 #include <atomic>
 #include <memory>
 
 namespace quell
 {
-/// Non-finite pixels met by one execution; tiles add concurrently.
+/// Non-finite pixels met in a frame; tiles add concurrently. A frame made in bands is counted once, each of its pixels.
 class VTKQUELLDENOISING_EXPORT PixelCount
 {
 public:
-  void Reset() { this->Pixels = 0; }
-  void Add(std::int64_t pixels) const { this->Pixels += pixels; }
-  /// Adds to the stage's counters, and one sentence to its warnings when there were any.
-  void Report(StageCounters& counters, std::vector<std::string>& warnings, const char* what) const;
+  /// Before the tiles of an execution over `region`.
+  void Begin(const Rect& region, int tick);
+  /// The rows of this execution that count.
+  const Rect& CountedRegion() const { return this->Counted; }
+  /// What `tile`, which lies within them or apart from them, had.
+  void Add(const Rect& tile, std::int64_t pixels) const
+  {
+    if (tile.y0 >= this->Counted.y0 && tile.y1 <= this->Counted.y1)
+      this->Pixels += pixels;
+  }
+  /// body(part) for the parts of a tile that count and those that do not.
+  template <class Body>
+  void Apart(const Rect& tile, const Body& body) const
+  {
+    const int y0 = std::clamp(this->Counted.y0, tile.y0, tile.y1), y1 = std::clamp(this->Counted.y1, y0, tile.y1);
+    const int rows[] = { tile.y0, y0, y1, tile.y1 };
+    for (int k = 0; k < 3; ++k)
+      if (rows[k] < rows[k + 1])
+        body(Rect{ tile.x0, rows[k], tile.x1, rows[k + 1] });
+  }
+  /// Adds to the stage's counters, and one sentence about the frame so far to its warnings where there were any.
+  void Report(
+    StageCounters& counters, std::vector<std::string>& warnings, std::string& countedWarning, const char* what);
+  /// The same for those who count on their own: `pixels` in this execution, `all` in the frame.
+  static void Report(std::int64_t pixels, std::int64_t all, StageCounters& counters, std::vector<std::string>& warnings,
+    std::string& countedWarning, const char* what);
 
 private:
-  mutable std::atomic<std::int64_t> Pixels{ 0 };
+  CountedRows Rows;
+  Rect Counted;
+  mutable std::atomic<std::int64_t> Pixels{ 0 }; ///< of this execution
+  std::int64_t All = 0;                          ///< of the frame, without them
 };
+
+/// Bytes of `planes` planes over tiles of `width` x `height` pixels grown by `halo`, of every thread: for ScratchBytes.
+VTKQUELLDENOISING_EXPORT double TileScratchBytes(int width, int height, int halo, double planes);
 
 /// Uninitialised floats (TakePixelMemory) that grow and are kept: fresh memory costs more than a filter pass (its pages
 /// are touched twice).

@@ -68,6 +68,13 @@ int vtkQuellATrousFilter::HaloFor(int port) const
   return port == Variance ? halo + 1 : halo; // a variance that is not a number is filled from its neighbours
 }
 
+double vtkQuellATrousFilter::ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet&)
+{
+  const int reach = std::max(1, this->Iterations > 0 ? 2 << (this->Iterations - 1) : 1);
+  const quell::PlaneLayout layout(region.grown(quell::ATrousHalo(this->Iterations)).clipped(whole), reach);
+  return quell::GuidedPlanes::Most(10) * double(layout.size()) * sizeof(float);
+}
+
 void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
 {
   const quell::Rect region = frame.Region();
@@ -98,7 +105,8 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   pass.depthEpsilon = float(this->DepthEpsilon);
   pass.luminanceEpsilon = float(this->LuminanceEpsilon);
 
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
+  const quell::Rect counted = this->NonFinite.CountedRegion();
   const auto rows = [this](const quell::Rect& r, auto&& body)
   {
     this->ForEachTile(
@@ -107,7 +115,7 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   this->Planes.Fill(rows,
     [&](int y0, int y1)
     {
-      this->NonFinite.Add(quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, region));
+      this->NonFinite.Add(counted, quell::CopyColor(color, variance, pass.guides, pass.in, y0, y1, counted));
       quell::ClearPadding(pass.guides.layout, pass.out, y0, y1);
     });
 
@@ -145,7 +153,7 @@ void vtkQuellATrousFilter::Execute(quell::StageFrame& frame)
   }
   if (colorOut || varianceOut)
     store(colorOut, varianceOut);
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }
 
 void vtkQuellATrousFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)

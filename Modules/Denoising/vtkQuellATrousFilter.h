@@ -62,6 +62,7 @@ public:
   /// Of all passes together.
   bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override { return 0.1 + 0.18 * this->Iterations; }
   bool FillsOutputs() const override { return true; }
 

@@ -45,13 +45,17 @@ int vtkQuellAlbedoDemodulate::HaloFor(int) const
 
 void vtkQuellAlbedoDemodulate::Execute(quell::StageFrame& frame)
 {
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->Superclass::Execute(frame);
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }
 
 void vtkQuellAlbedoDemodulate::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  this->NonFinite.Add(quell::Demodulate(
-    frame.Input(Radiance), frame.Input(Albedo), float(this->Floor), frame.Output("illumination"), tile));
+  this->NonFinite.Apart(tile,
+    [&](const quell::Rect& part)
+    {
+      this->NonFinite.Add(part, quell::Demodulate(frame.Input(Radiance), frame.Input(Albedo), float(this->Floor),
+                                  frame.Output("illumination"), part));
+    });
 }

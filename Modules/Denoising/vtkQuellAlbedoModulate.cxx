@@ -43,13 +43,17 @@ int vtkQuellAlbedoModulate::HaloFor(int port) const
 
 void vtkQuellAlbedoModulate::Execute(quell::StageFrame& frame)
 {
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->Superclass::Execute(frame);
-  this->NonFinite.Report(this->Counters, this->Warnings, "illumination");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "illumination");
 }
 
 void vtkQuellAlbedoModulate::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  this->NonFinite.Add(quell::Modulate(
-    frame.Input(Illumination), frame.Input(Albedo), float(this->Floor), frame.Output("radiance"), tile));
+  this->NonFinite.Apart(tile,
+    [&](const quell::Rect& part)
+    {
+      this->NonFinite.Add(part, quell::Modulate(frame.Input(Illumination), frame.Input(Albedo), float(this->Floor),
+                                  frame.Output("radiance"), part));
+    });
 }

@@ -30,6 +30,11 @@ enum Ports
   Albedo
 };
 constexpr int RowsPerTask = 16;
+
+// By lobe.
+constexpr int direct[] = { DiffuseDirect, GlossyDirect, TransmissionDirect, VolumeDirect };
+constexpr int indirect[] = { DiffuseIndirect, GlossyIndirect, TransmissionIndirect, VolumeIndirect };
+constexpr int color[] = { DiffuseColor, GlossyColor, TransmissionColor };
 }
 
 void vtkQuellAovSplit::Describe(quell::StageDescription& d)
@@ -91,24 +96,27 @@ int vtkQuellAovSplit::HaloFor(int) const
   return 1; // a non-finite pixel is filled from its neighbours
 }
 
+void vtkQuellAovSplit::CheckConnections(quell::ConnectionCheck& check) const
+{
+  for (int k = 0; this->Convention == 0 && k < quell::AovPasses::Volume; ++k)
+    for (int port : { direct[k], indirect[k] })
+      if (check.Count(port) > 0 && check.Count(color[k]) == 0)
+        check.Error(port, 0,
+          "a demodulated light pass needs its colour, and input \"" + this->GetDescription().Inputs[color[k]].Name +
+            "\" is not connected",
+          "if the pass is radiance, set Convention to Radiance");
+}
+
 void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
 {
   quell::AovPasses in;
   in.combined = frame.Input(Combined);
-  const int direct[] = { DiffuseDirect, GlossyDirect, TransmissionDirect, VolumeDirect };
-  const int indirect[] = { DiffuseIndirect, GlossyIndirect, TransmissionIndirect, VolumeIndirect };
-  const int color[] = { DiffuseColor, GlossyColor, TransmissionColor };
   for (int k = 0; k < quell::AovPasses::Lobes; ++k)
   {
     in.direct[k] = frame.Input(direct[k]);
     in.indirect[k] = frame.Input(indirect[k]);
-    if (k == quell::AovPasses::Volume)
-      continue;
-    in.color[k] = frame.Input(color[k]);
-    if (this->Convention == 0 && !in.color[k] && (in.direct[k] || in.indirect[k]))
-      throw quell::StageError("a demodulated light pass needs its colour: input \"" +
-                              this->GetDescription().Inputs[color[k]].Name +
-                              "\" is not connected (or set Convention to Radiance)");
+    if (k != quell::AovPasses::Volume)
+      in.color[k] = frame.Input(color[k]);
   }
   in.emission = frame.Input(Emission);
   in.environment = frame.Input(Environment);
@@ -141,9 +149,11 @@ void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
         rows[y - region.y0] = quell::AovSplit(in, float(this->Tolerance), out, { region.x0, y, region.x1, y + 1 });
     });
   quell::AovCheck sum;
+  this->NonFinite.Begin(region, frame.Tick());
   for (const quell::AovCheck& row : rows)
   {
-    sum.NonFinite += row.NonFinite;
+    const int y = region.y0 + int(&row - rows.data());
+    this->NonFinite.Add({ region.x0, y, region.x1, y + 1 }, row.NonFinite);
     sum.Over += row.Over;
     if (row.Worst > sum.Worst)
     {
@@ -163,9 +173,7 @@ void vtkQuellAovSplit::Execute(quell::StageFrame& frame)
       (long long)sum.Over, (long long)region.area(), this->Tolerance, sum.Worst, sum.WorstX, sum.WorstY);
     this->Warnings.push_back(text);
   }
-  quell::PixelCount bad;
-  bad.Add(sum.NonFinite);
-  bad.Report(this->Counters, this->Warnings, "the passes");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "the passes");
 }
 
 std::string vtkQuellAovSplit::GetReport() const

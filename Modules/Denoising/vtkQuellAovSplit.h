@@ -37,6 +37,7 @@ public:
   std::string GetReport() const override;
 
   int HaloFor(int port) const override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   double CostPerPixel() const override { return 0.05; }
 
 protected:
@@ -50,6 +51,7 @@ private:
   long long PixelsOver = 0;
   double Worst = 0;
   bool HasPasses = false;
+  quell::PixelCount NonFinite;
 
   vtkQuellAovSplit(const vtkQuellAovSplit&) = delete;
   void operator=(const vtkQuellAovSplit&) = delete;

@@ -2,12 +2,13 @@
 #include "vtkQuellBilateralFilter.h"
 
 #include "quellBilateral.h"
+#include "quellCarriedArrays.h"
+#include "quellGuideVariances.h"
 #include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
 #include <cctype>
 #include <cmath>
-#include <sstream>
 
 vtkStandardNewMacro(vtkQuellBilateralFilter);
 QUELL_STAGE_DESCRIPTION(vtkQuellBilateralFilter)
@@ -68,16 +69,6 @@ double UsualSigma(quell::GuideDistance distance)
     default:
       return 0.1;
   }
-}
-
-std::vector<std::string> Names(const std::string& text)
-{
-  std::istringstream in(text);
-  std::vector<std::string> names;
-  for (std::string name; in >> name;)
-    if (name != "radiance")
-      names.push_back(name);
-  return names;
 }
 
 std::string Lower(std::string text)
@@ -199,7 +190,7 @@ bool vtkQuellBilateralFilter::Makes(const std::string& array) const
 {
   if (this->vtkQuellStage::Makes(array))
     return true;
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (name == array)
       return true;
   return false;
@@ -207,7 +198,7 @@ bool vtkQuellBilateralFilter::Makes(const std::string& array) const
 
 void vtkQuellBilateralFilter::CheckSettings()
 {
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (KindOf(name) == quell::ArrayKind::Id || KindOf(name) == quell::ArrayKind::Moments ||
         KindOf(name) == quell::ArrayKind::Depth)
       throw quell::StageError("Arrays: \"" + name + "\" has no weighted mean (" + quell::KindDoc(KindOf(name)) + ")");
@@ -216,13 +207,92 @@ void vtkQuellBilateralFilter::CheckSettings()
 int vtkQuellBilateralFilter::HaloFor(int) const
 {
   // A non-finite pixel is filled from its neighbours; so is a carried value, which may be a tap.
-  return Names(this->Arrays).empty() ? std::max(1, this->EffectiveRadius()) : this->EffectiveRadius() + 1;
+  return quell::CarriedArrays(this->Arrays).empty() ? std::max(1, this->EffectiveRadius())
+                                                    : this->EffectiveRadius() + 1;
 }
 
 double vtkQuellBilateralFilter::CostPerPixel() const
 {
   const double side = 2 * this->EffectiveRadius() + 1;
   return 0.1 + side * side / 121;
+}
+
+vtkQuellBilateralFilter::GuideSettings vtkQuellBilateralFilter::SettingsOf(int port, int connection) const
+{
+  const auto found = this->Settings.find({ port, connection });
+  return found == this->Settings.end() ? GuideSettings() : found->second;
+}
+
+int vtkQuellBilateralFilter::DistanceOf(int connection, const std::string& array, bool normals) const
+{
+  const GuideSettings settings = this->SettingsOf(Guide, connection);
+  if (settings.Distance >= 0)
+    return settings.Distance;
+  const quell::GuideDistance usual = UsualDistance(array);
+  return int(usual == quell::GuideDistance::Plane && !normals ? quell::GuideDistance::Euclidean : usual);
+}
+
+void vtkQuellBilateralFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  quell::CheckCarriedArrays(check, this->Arrays, quell::BilateralInputs::MostCarriedComponents, true);
+  check.WantAtMost(Guide, quell::BilateralInputs::MostGuides);
+  std::vector<std::string> names, wanted;
+  for (int c = 0; c < check.Count(Guide); ++c)
+  {
+    names.push_back(this->GuideName(c, check.At(Guide, c).Array));
+    this->CheckGuide(check, c);
+  }
+  for (int c = 0; c < check.Count(GuideVariance); ++c)
+    wanted.push_back(this->SettingsOf(GuideVariance, c).Name);
+  const std::vector<int> of = quell::CheckGuideVariances(check, Guide, names, GuideVariance, wanted);
+  for (int c = 0; c < check.Count(GuideVariance); ++c)
+  {
+    const int guide = of[std::size_t(c)];
+    const int distance = guide < 0 ? 0 : this->DistanceOf(guide, check.At(Guide, guide).Array, check.Count(Normal) > 0);
+    if (distance >= int(quell::GuideDistance::Plane))
+      check.Error(GuideVariance, c,
+        "guide \"" + names[std::size_t(guide)] + "\" is compared by distance " + distances[std::size_t(distance)] +
+          ", which takes no variance",
+        "distances that do: Euclidean, Color, Normal");
+  }
+}
+
+void vtkQuellBilateralFilter::CheckGuide(quell::ConnectionCheck& check, int c) const
+{
+  const quell::ConnectionCheck::Connection& guide = check.At(Guide, c);
+  const int n = guide.Components;
+  const auto distance = quell::GuideDistance(this->DistanceOf(c, guide.Array, check.Count(Normal) > 0));
+  const std::string& name = distances[std::size_t(distance)];
+  const bool vector = distance == quell::GuideDistance::Color || distance == quell::GuideDistance::Normal ||
+                      distance == quell::GuideDistance::Plane;
+  const std::string has = "\"" + guide.Array + "\" has " + std::to_string(n) + (n == 1 ? " component" : " components");
+  if (n > 3)
+    check.Error(Guide, c, has + ", a guide may have 3");
+  else if (n > 0 && ((vector && n != 3) || (distance == quell::GuideDistance::LogDepth && n != 1)))
+    check.Error(Guide, c, has + ", distance " + name + " compares " + (vector ? "3" : "1"),
+      n == 1   ? "for one component there are Euclidean, LogDepth and Id"
+      : n == 3 ? "for three components there are Euclidean, Color, Normal and Plane"
+               : "distance=\"Euclidean\" takes any up to 3");
+  else if (distance == quell::GuideDistance::Plane && check.Count(Normal) == 0)
+    check.Error(Guide, c, "distance Plane needs input \"normal\"", "connect it, or say distance=\"Euclidean\"");
+}
+
+std::string vtkQuellBilateralFilter::GuideName(int connection, const std::string& array) const
+{
+  const std::string own = this->SettingsOf(Guide, connection).Name;
+  return own.empty() ? array : own;
+}
+
+double vtkQuellBilateralFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  // Colour and what is carried, validity, the named guides, plane distance, further guides with their variances.
+  const int planes =
+    3 + quell::BilateralInputs::MostCarriedComponents + 1 + 8 + 7 + 6 * this->GetNumberOfInputConnections(Guide) + 1;
+  const int radius = this->EffectiveRadius(), side = 2 * radius + 1;
+  // Weights that serve two pixels are kept for some rows.
+  const bool shared = radius <= quell::BilateralParameters::MostSharedRadius;
+  return quell::TileScratchBytes(TileSize, TileSize, radius, planes) +
+         (shared ? quell::TileScratchBytes(TileSize, radius + 1, 0, 0.5 * side * side) : 0.);
 }
 
 void vtkQuellBilateralFilter::Gather(
@@ -234,57 +304,22 @@ void vtkQuellBilateralFilter::Gather(
   in.albedo = frame.Input(Albedo);
   in.position = frame.Input(Position);
   in.id = frame.Input(Id);
-  const auto settingsOf = [this](int port, int connection)
-  {
-    const auto known = this->Settings.find({ port, connection });
-    return known == this->Settings.end() ? GuideSettings() : known->second;
-  };
-  if (frame.Connections(Guide) > quell::BilateralInputs::MostGuides)
-    throw quell::StageError(
-      "more than " + std::to_string(quell::BilateralInputs::MostGuides) + " connections of \"guide\"");
   std::vector<std::string> names;
-  for (int c = 0; c < frame.Connections(Guide); ++c)
+  for (int c = 0; c < frame.Connections(Guide); ++c) // a delayed one without history is none
   {
-    const GuideSettings settings = settingsOf(Guide, c);
-    const std::string& array = this->GetInputArray(Guide, c);
-    names.push_back(settings.Name.empty() ? array : settings.Name);
+    names.push_back(this->GuideName(c, this->GetInputArray(Guide, c)));
     quell::BilateralGuide& g = in.guides[in.guideCount++];
     g.value = frame.Input(Guide, c);
-    g.distance = settings.Distance < 0 ? UsualDistance(array) : quell::GuideDistance(settings.Distance);
-    if (settings.Distance < 0 && g.distance == quell::GuideDistance::Plane && !in.normal)
-      g.distance = quell::GuideDistance::Euclidean;
-    g.sigma = settings.Sigma < 0 ? UsualSigma(g.distance) : settings.Sigma;
-    const int n = g.value.components;
-    const bool vector = g.distance == quell::GuideDistance::Color || g.distance == quell::GuideDistance::Normal ||
-                        g.distance == quell::GuideDistance::Plane;
-    if (n > 3 || (vector && n != 3) || (g.distance == quell::GuideDistance::LogDepth && n != 1))
-      throw quell::StageError("guide \"" + names.back() + "\" has " + std::to_string(n) +
-                              " components, which distance " + distances[std::size_t(g.distance)] + " cannot compare");
-    if (g.distance == quell::GuideDistance::Plane && !in.normal)
-      throw quell::StageError("guide \"" + names.back() + "\": plane distance needs input \"normal\"");
+    g.distance = quell::GuideDistance(this->DistanceOf(c, this->GetInputArray(Guide, c), bool(in.normal)));
+    const double sigma = this->SettingsOf(Guide, c).Sigma;
+    g.sigma = sigma < 0 ? UsualSigma(g.distance) : sigma;
   }
   for (int c = 0; c < frame.Connections(GuideVariance); ++c)
   {
-    std::string name = settingsOf(GuideVariance, c).Name;
-    const std::string& array = this->GetInputArray(GuideVariance, c);
-    int index = name.empty() && names.size() == 1 ? 0 : -1;
-    for (std::size_t k = 0; k < names.size(); ++k)
-      if (names[k] == name || (name.empty() && Lower(array) == "variance" + Lower(names[k])))
-        index = int(k);
-    if (index < 0)
-      throw quell::StageError(name.empty()
-                                ? "guideVariance \"" + array + "\" does not say of which guide (guide=\"name\")"
-                                : "guideVariance \"" + array + "\": there is no guide \"" + name + "\"");
-    quell::BilateralGuide& g = in.guides[index];
-    g.variance = frame.Input(GuideVariance, c);
-    if (g.variance.components != 1 && g.variance.components != g.value.components)
-      throw quell::StageError("guideVariance \"" + array + "\" has " + std::to_string(g.variance.components) +
-                              " components, guide \"" + names[std::size_t(index)] + "\" has " +
-                              std::to_string(g.value.components));
-    if (g.distance != quell::GuideDistance::Euclidean && g.distance != quell::GuideDistance::Color &&
-        g.distance != quell::GuideDistance::Normal)
-      throw quell::StageError("guide \"" + names[std::size_t(index)] + "\": distance " +
-                              distances[std::size_t(g.distance)] + " takes no variance");
+    const int guide =
+      quell::GuideOfVariance(names, this->SettingsOf(GuideVariance, c).Name, this->GetInputArray(GuideVariance, c));
+    if (guide >= 0)
+      in.guides[guide].variance = frame.Input(GuideVariance, c);
   }
   p.radius = this->EffectiveRadius();
   p.sigmaSpatial = this->SigmaSpatial;
@@ -305,7 +340,7 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
   quell::BilateralOutputs out;
   out.radiance = frame.Output("radiance");
   int components = 0;
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
   {
     if (!frame.Wants(name))
       continue;
@@ -318,14 +353,19 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
     out.carried[in.carriedCount++] = frame.AddOutput(name, image.components);
   }
 
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), TileSize,
-    [&](const quell::Rect& tile)
+    [&](const quell::Rect& whole)
     {
-      static thread_local quell::Scratch scratch;
-      this->NonFinite.Add(quell::Bilateral(in, p, out, tile, scratch.Take(quell::BilateralScratch(in, p, tile))));
+      this->NonFinite.Apart(whole,
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch scratch;
+          this->NonFinite.Add(
+            tile, quell::Bilateral(in, p, out, tile, scratch.Take(quell::BilateralScratch(in, p, tile))));
+        });
     });
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
   const std::int64_t side = 2 * this->EffectiveRadius() + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
 }

@@ -59,7 +59,8 @@ public:
   vtkSetClampMacro(Range, int, 0, 2);
   vtkGetMacro(Range, int);
   ///@}
-  ///@{ Radiance that is white in the picture, default 1, range [1e-30, 1e30]. A frame k times as bright is filtered alike
+  ///@{ Radiance that is white in the picture, default 1, range [1e-30, 1e30]. A frame k times as bright is filtered
+  ///alike
   /// with k times this.
   vtkSetClampMacro(White, double, 1e-30, 1e30);
   vtkGetMacro(White, double);
@@ -84,10 +85,12 @@ public:
 
   bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override;
   bool FillsOutputs() const override { return true; }
   bool Makes(const std::string& array) const override;
   void CheckSettings() override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   /// `name`, `distance` and `sigma` of a guide; `guide` of a guideVariance.
   bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
@@ -108,6 +111,11 @@ private:
     int Distance = -1; ///< quell::GuideDistance; -1: what suits the array
     double Sigma = -1; ///< -1: what suits the distance
   };
+
+  GuideSettings SettingsOf(int port, int connection) const;
+  int DistanceOf(int connection, const std::string& array, bool normals) const; ///< quell::GuideDistance in force
+  std::string GuideName(int connection, const std::string& array) const;
+  void CheckGuide(quell::ConnectionCheck& check, int connection) const;
 
   int Radius = -1;
   double SigmaSpatial = 2, SigmaRange = 0.5;

@@ -43,18 +43,22 @@ int vtkQuellEmissionSplit::HaloFor(int) const
 
 void vtkQuellEmissionSplit::Execute(quell::StageFrame& frame)
 {
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->Superclass::Execute(frame);
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }
 
 void vtkQuellEmissionSplit::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  quell::EmissionSplitParameters p;
-  p.threshold = float(this->Threshold);
-  p.neighbours = this->Neighbours;
-  p.grow = this->Grow;
-  p.edgePart = float(this->EdgePart);
-  this->NonFinite.Add(quell::EmissionSplit(
-    frame.Input(0), p, frame.Output("emission"), frame.Output("radiance"), frame.Output("mask"), tile));
+  this->NonFinite.Apart(tile,
+    [&](const quell::Rect& part)
+    {
+      quell::EmissionSplitParameters p;
+      p.threshold = float(this->Threshold);
+      p.neighbours = this->Neighbours;
+      p.grow = this->Grow;
+      p.edgePart = float(this->EdgePart);
+      this->NonFinite.Add(part, quell::EmissionSplit(frame.Input(0), p, frame.Output("emission"),
+                                  frame.Output("radiance"), frame.Output("mask"), part));
+    });
 }

@@ -52,6 +52,8 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   double CostPerPixel() const override { return 0.1 + (2 * this->Radius + 1) * (2 * this->Radius + 1) / 121.; }
 
 protected:

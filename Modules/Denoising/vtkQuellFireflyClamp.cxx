@@ -60,9 +60,8 @@ void vtkQuellFireflyClamp::Execute(quell::StageFrame& frame)
     frame.Region(), frame.Tick(),
     [this](const quell::Rect& rows, auto&& body) { this->ForEachTile(rows, quell::EnergyLedger::RowsPerStrip, body); },
     [&](const quell::Rect& strip) { return quell::FireflyClamp(in, count, p, filtered, residual, strip); });
-  quell::PixelCount bad;
-  bad.Add(ledger.NonFinite);
-  bad.Report(this->Counters, this->Warnings, "radiance");
+  quell::PixelCount::Report(
+    ledger.NonFinite, this->Ledger.Total().NonFinite, this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }
 
 std::string vtkQuellFireflyClamp::GetReport() const

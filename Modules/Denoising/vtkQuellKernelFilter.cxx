@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkQuellKernelFilter.h"
 
+#include "quellCarriedArrays.h"
 #include "quellGuards.h"
 #include "quellKernelFilter.h"
 #include "quellWeighByMarks.h"
 #include "vtkObjectFactory.h"
 
 #include <cmath>
-#include <sstream>
 
 vtkStandardNewMacro(vtkQuellKernelFilter);
 QUELL_STAGE_DESCRIPTION(vtkQuellKernelFilter)
@@ -27,15 +27,6 @@ enum Kernels
   FromMatrix
 };
 constexpr int TileSize = 64;
-
-std::vector<std::string> Names(const std::string& text)
-{
-  std::istringstream in(text);
-  std::vector<std::string> names;
-  for (std::string name; in >> name;)
-    names.push_back(name);
-  return names;
-}
 
 quell::ArrayKind KindOf(const std::string& array)
 {
@@ -124,7 +115,7 @@ void vtkQuellKernelFilter::CheckSettings()
   if (this->Normalize && std::fabs(sum) <= 1e-6 * magnitude)
     throw quell::StageError(
       "Matrix: its weights add up to 0, so there is nothing to divide by; set Normalize to false");
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (KindOf(name) == quell::ArrayKind::Id || KindOf(name) == quell::ArrayKind::Moments)
       throw quell::StageError("Arrays: \"" + name + "\" has no weighted mean (" + quell::KindDoc(KindOf(name)) + ")");
 }
@@ -133,7 +124,7 @@ bool vtkQuellKernelFilter::Makes(const std::string& array) const
 {
   if (this->vtkQuellStage::Makes(array))
     return true;
-  for (const std::string& name : Names(this->Arrays))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
     if (name == array)
       return true;
   return false;
@@ -155,6 +146,16 @@ int vtkQuellKernelFilter::HaloFor(int) const
   return radius + 1; // a tap that is not finite is filled from its own neighbours
 }
 
+double vtkQuellKernelFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(TileSize, TileSize, this->HaloFor(0), 2 * (4 + 1));
+}
+
+void vtkQuellKernelFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  quell::CheckCarriedArrays(check, this->Arrays, 4, false);
+}
+
 void vtkQuellKernelFilter::Execute(quell::StageFrame& frame)
 {
   this->CheckSettings();
@@ -169,46 +170,51 @@ void vtkQuellKernelFilter::Execute(quell::StageFrame& frame)
   const quell::ImageIn color = frame.Input(Radiance);
   if (frame.Wants("radiance"))
     works.push_back({ color, frame.Output("radiance"), quell::ArrayKind::Color });
-  for (const std::string& name : Names(this->Arrays))
-    if (name != "radiance" && frame.Wants(name))
+  for (const std::string& name : quell::CarriedArrays(this->Arrays))
+    if (frame.Wants(name))
     {
       const quell::ImageIn in = frame.InputArray(Radiance, 0, name);
       if (in.components < 1 || in.components > 4)
         throw quell::StageError("Arrays: \"" + name + "\" has " + std::to_string(in.components) + " components");
       works.push_back({ in, frame.AddOutput(name, in.components), KindOf(name) });
     }
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), TileSize,
-    [&](const quell::Rect& tile)
+    [&](const quell::Rect& whole)
     {
-      static thread_local quell::Scratch scratch;
-      for (const Work& w : works)
-      {
-        const auto mode = w.kind == quell::ArrayKind::Variance ? quell::KernelMode::Variance : quell::KernelMode::Mean;
-        const bool isColor = w.in.data == color.data;
-        const std::int64_t bad = quell::KernelFilter(w.in, isColor ? quell::ImageIn() : color, kernel, this->Normalize,
-          mode, w.out, tile, scratch.Take(quell::KernelFilterScratch(w.in, kernel, tile)));
-        if (isColor)
-          this->NonFinite.Add(bad);
-        if (w.kind != quell::ArrayKind::Normal && w.kind != quell::ArrayKind::Depth)
-          continue;
-        for (int y = tile.y0; y < tile.y1; ++y)
-          for (int x = tile.x0; x < tile.x1; ++x)
+      this->NonFinite.Apart(whole,
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch scratch;
+          for (const Work& w : works)
           {
-            float* o = w.out.at(x, y);
-            const float* in = w.in.at(x, y);
-            if (w.kind == quell::ArrayKind::Depth)
-              *o = quell::Finite(*in) ? *o : *in;
-            else
-            {
-              const float length = std::sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2]);
-              for (int c = 0; c < 3; ++c)
-                o[c] = length > 1e-6f ? o[c] / length : 0.f;
-            }
+            const auto mode =
+              w.kind == quell::ArrayKind::Variance ? quell::KernelMode::Variance : quell::KernelMode::Mean;
+            const bool isColor = w.in.data == color.data;
+            const std::int64_t bad = quell::KernelFilter(w.in, isColor ? quell::ImageIn() : color, kernel,
+              this->Normalize, mode, w.out, tile, scratch.Take(quell::KernelFilterScratch(w.in, kernel, tile)));
+            if (isColor)
+              this->NonFinite.Add(tile, bad);
+            if (w.kind != quell::ArrayKind::Normal && w.kind != quell::ArrayKind::Depth)
+              continue;
+            for (int y = tile.y0; y < tile.y1; ++y)
+              for (int x = tile.x0; x < tile.x1; ++x)
+              {
+                float* o = w.out.at(x, y);
+                const float* in = w.in.at(x, y);
+                if (w.kind == quell::ArrayKind::Depth)
+                  *o = quell::Finite(*in) ? *o : *in;
+                else
+                {
+                  const float length = std::sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2]);
+                  for (int c = 0; c < 3; ++c)
+                    o[c] = length > 1e-6f ? o[c] / length : 0.f;
+                }
+              }
           }
-      }
+        });
     });
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
   const std::int64_t taps =
     kernel.Separable() ? std::int64_t(kernel.Across.size() + kernel.Up.size()) : std::int64_t(kernel.Weights.size());
   this->Counters.Taps += frame.Region().area() * taps * std::int64_t(works.size());

@@ -56,10 +56,12 @@ public:
 
   bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override { return 0.05 + 0.01 * this->HaloFor(0); }
   bool FillsOutputs() const override { return true; }
   bool Makes(const std::string& array) const override;
   void CheckSettings() override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
 
 protected:
   vtkQuellKernelFilter();

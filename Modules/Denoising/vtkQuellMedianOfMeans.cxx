@@ -41,12 +41,14 @@ int vtkQuellMedianOfMeans::HaloFor(int) const
   return 1; // a non-finite pixel is filled from its neighbours
 }
 
+void vtkQuellMedianOfMeans::CheckConnections(quell::ConnectionCheck& check) const
+{
+  check.WantAtMost(0, quell::MedianOfMeansParameters::MostBuffers);
+}
+
 void vtkQuellMedianOfMeans::Execute(quell::StageFrame& frame)
 {
   const int count = frame.Connections(0);
-  if (count > quell::MedianOfMeansParameters::MostBuffers)
-    throw quell::StageError("input \"radiance\" has " + std::to_string(count) + " connections; at most " +
-                            std::to_string(quell::MedianOfMeansParameters::MostBuffers) + " buffers can be sorted");
   std::vector<quell::ImageIn> buffers;
   for (int c = 0; c < count; ++c)
     buffers.push_back(frame.Input(0, c));
@@ -57,9 +59,8 @@ void vtkQuellMedianOfMeans::Execute(quell::StageFrame& frame)
     frame.Region(), frame.Tick(),
     [this](const quell::Rect& rows, auto&& body) { this->ForEachTile(rows, quell::EnergyLedger::RowsPerStrip, body); },
     [&](const quell::Rect& strip) { return quell::MedianOfMeans(buffers.data(), count, p, out, strip); });
-  quell::PixelCount bad;
-  bad.Add(ledger.NonFinite);
-  bad.Report(this->Counters, this->Warnings, "the buffers");
+  quell::PixelCount::Report(ledger.NonFinite, this->Ledger.Total().NonFinite, this->Counters, this->Warnings,
+    this->CountedWarning, "the buffers");
 }
 
 std::string vtkQuellMedianOfMeans::GetReport() const

@@ -38,6 +38,7 @@ public:
   std::string GetReport() const override;
 
   int HaloFor(int port) const override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   double CostPerPixel() const override { return 0.1; }
 
 protected:

@@ -3,6 +3,7 @@
 
 #include "quellFeatureNoise.h"
 #include "quellGuards.h"
+#include "quellGuideVariances.h"
 #include "quellNonLocal.h"
 
 #include <cmath>
@@ -21,6 +22,7 @@ enum Ports
   Feature ///< of the regression alone
 };
 constexpr int TileSize = 64, NoiseReach = 2;
+constexpr int OuterFloats = 15, InnerFloats = 6; ///< a pixel, of two candidates with their errors, and of the choice
 constexpr int SmoothRadius = 9, SmoothPatch = 1; ///< of the errors and of the choice between bandwidths
 
 /// Per channel, the mean of (A - B)^2 / 2 over the 3 x 3 neighbours that are finite in both: the variance of a half.
@@ -101,8 +103,67 @@ int vtkQuellNonLocalFilter::HaloFor(int) const
 bool vtkQuellNonLocalFilter::NeedsInput(int port, const quell::ArraySet&) const
 {
   auto* self = const_cast<vtkQuellNonLocalFilter*>(this);
-  return port != Radiance || this->Selects() || self->GetNumberOfInputConnections(HalfA) == 0 ||
-         self->GetNumberOfInputConnections(HalfB) == 0;
+  // Without history there are no halves.
+  return port != Radiance || this->Selects() || this->IsDelayed(HalfA) || this->IsDelayed(HalfB) ||
+         self->GetNumberOfInputConnections(HalfA) == 0 || self->GetNumberOfInputConnections(HalfB) == 0;
+}
+
+vtkQuellNonLocalFilter::GuideSettings vtkQuellNonLocalFilter::SettingsOf(int port, int connection) const
+{
+  const auto found = this->Settings.find({ port, connection });
+  return found == this->Settings.end() ? GuideSettings() : found->second;
+}
+
+void vtkQuellNonLocalFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  const bool a = check.Count(HalfA) > 0, b = check.Count(HalfB) > 0;
+  if (a != b)
+    check.Error(a ? HalfA : HalfB, 0, std::string("wants input \"") + (a ? "halfB" : "halfA") + "\" too",
+      "one half alone is no use");
+  if (check.Count(Variance) > 0)
+    check.WantComponents(Variance, 0, { 1, 3 });
+  check.WantAtMost(Guide, quell::NonLocalInputs::MostFeatures);
+  std::vector<std::string> names, wanted;
+  for (int c = 0; c < check.Count(Guide); ++c)
+  {
+    const std::string own = this->SettingsOf(Guide, c).Name;
+    names.push_back(own.empty() ? check.At(Guide, c).Array : own);
+    check.WantComponents(Guide, c, { 1, 2, 3 });
+  }
+  for (int c = 0; c < check.Count(GuideVariance); ++c)
+    wanted.push_back(this->SettingsOf(GuideVariance, c).Name);
+  quell::CheckGuideVariances(check, Guide, names, GuideVariance, wanted);
+  if (!this->Regresses())
+    return;
+  check.WantAtMost(Feature, quell::NonLocalInputs::MostFeatures);
+  int components = 0, last = 0;
+  for (int c = 0; c < check.Count(Feature); ++c)
+  {
+    check.WantComponents(Feature, c, { 1, 2, 3 });
+    const int before = components;
+    components += check.At(Feature, c).Components;
+    last = before <= quell::NonLocalInputs::MostRegressors ? c : last;
+  }
+  if (components > quell::NonLocalInputs::MostRegressors)
+    check.Error(Feature, last,
+      "the features have " + std::to_string(components) + " components together, at most " +
+        std::to_string(quell::NonLocalInputs::MostRegressors) + " are possible");
+}
+
+double vtkQuellNonLocalFilter::ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet&)
+{
+  const int features =
+    this->GetNumberOfInputConnections(Guide) + (this->Regresses() ? this->GetNumberOfInputConnections(Feature) : 0);
+  const double side = 2 * this->Radius + 1, rows = 2 * (2 * this->PatchRadius + 1) + 1;
+  double bytes = quell::TileScratchBytes(TileSize, TileSize, this->HaloFor(0), 14 + 4 * features + 8 + 6) +
+                 quell::TileScratchBytes(TileSize + 2 * this->HaloFor(0), 1, 0, side * side * rows / 3);
+  if (this->Selects())
+  {
+    const int reach = quell::NonLocalHalo(SmoothRadius, SmoothPatch, false);
+    bytes += sizeof(float) * (OuterFloats * double(region.grown(2 * reach).clipped(whole).area()) +
+                               InnerFloats * double(region.grown(reach).clipped(whole).area()));
+  }
+  return bytes;
 }
 
 void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
@@ -110,64 +171,27 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
   const quell::ImageIn radiance = frame.Input(Radiance), halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
   const quell::ImageIn variance = frame.Input(Variance);
   const bool halves = halfA && halfB;
-  if (bool(halfA) != bool(halfB))
-    throw quell::StageError("inputs \"halfA\" and \"halfB\" want each other: one alone is no use");
-  if (variance && variance.components != 1 && variance.components != 3)
-    throw quell::StageError("input \"variance\" wants 1 or 3 components, not " + std::to_string(variance.components));
 
   quell::NonLocalInputs in;
   in.depth = frame.Input(Depth);
-  if (frame.Connections(Guide) > quell::NonLocalInputs::MostFeatures)
-    throw quell::StageError(
-      "more than " + std::to_string(quell::NonLocalInputs::MostFeatures) + " connections of \"guide\"");
   std::vector<std::string> names;
-  const auto check = [](const quell::ImageIn& image, const std::string& name)
+  for (int c = 0; c < frame.Connections(Guide); ++c) // a delayed one without history is none
   {
-    if (image.components > 3)
-      throw quell::StageError(
-        "\"" + name + "\" has " + std::to_string(image.components) + " components, at most 3 are");
-  };
-  for (int c = 0; c < frame.Connections(Guide); ++c)
-  {
-    const GuideSettings settings = this->Settings[{ Guide, c }];
+    const GuideSettings settings = this->SettingsOf(Guide, c);
     names.push_back(settings.Name.empty() ? this->GetInputArray(Guide, c) : settings.Name);
     quell::NonLocalFeature& f = in.weighing[in.weighingCount++];
     f.value = frame.Input(Guide, c);
     f.least = settings.Least;
-    check(f.value, names.back());
   }
   for (int c = 0; c < frame.Connections(GuideVariance); ++c)
   {
-    const std::string& name = this->Settings[{ GuideVariance, c }].Name;
-    const std::string& array = this->GetInputArray(GuideVariance, c);
-    int index = name.empty() && names.size() == 1 ? 0 : -1;
-    for (std::size_t k = 0; k < names.size(); ++k)
-      if (names[k] == name)
-        index = int(k);
-    if (index < 0)
-      throw quell::StageError(name.empty()
-                                ? "guideVariance \"" + array + "\" does not say of which guide (guide=\"name\")"
-                                : "guideVariance \"" + array + "\": there is no guide \"" + name + "\"");
-    quell::NonLocalFeature& f = in.weighing[index];
-    f.variance = frame.Input(GuideVariance, c);
-    if (f.variance.components != 1 && f.variance.components != f.value.components)
-      throw quell::StageError("guideVariance \"" + array + "\" has " + std::to_string(f.variance.components) +
-                              " components, guide \"" + names[std::size_t(index)] + "\" has " +
-                              std::to_string(f.value.components));
+    const int guide =
+      quell::GuideOfVariance(names, this->SettingsOf(GuideVariance, c).Name, this->GetInputArray(GuideVariance, c));
+    if (guide >= 0)
+      in.weighing[guide].variance = frame.Input(GuideVariance, c);
   }
-  int regressors = 0;
   for (int c = 0; this->Regresses() && c < frame.Connections(Feature); ++c)
-  {
-    if (c == quell::NonLocalInputs::MostFeatures)
-      throw quell::StageError("more than " + std::to_string(c) + " connections of \"feature\"");
-    quell::NonLocalFeature& f = in.regressors[in.regressorCount++];
-    f.value = frame.Input(Feature, c);
-    check(f.value, this->GetInputArray(Feature, c));
-    regressors += f.value.components;
-  }
-  if (regressors > quell::NonLocalInputs::MostRegressors)
-    throw quell::StageError("the features have " + std::to_string(regressors) + " components together, at most " +
-                            std::to_string(quell::NonLocalInputs::MostRegressors) + " can be used");
+    in.regressors[in.regressorCount++].value = frame.Input(Feature, c);
 
   quell::NonLocalParameters p;
   p.radius = this->Radius;
@@ -179,7 +203,7 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
   p.regress = this->Regresses();
   const quell::ImageOut out = frame.Output("radiance"), varianceOut = frame.Output("variance");
   const quell::Rect region = frame.Region();
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   // The variance of the buffer that gives the weights, for the pixels that a tile reads.
   const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory) -> quell::ImageIn
   {
@@ -240,22 +264,31 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
 
   if (!halves)
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& tile)
+      [&](const quell::Rect& whole)
       {
-        static thread_local quell::Scratch spare;
-        this->NonFinite.Add(filter(in, p, radiance, radiance,
-          out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile));
+        this->NonFinite.Apart(whole,
+          [&](const quell::Rect& tile)
+          {
+            static thread_local quell::Scratch spare;
+            this->NonFinite.Add(
+              tile, filter(in, p, radiance, radiance,
+                      out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile));
+          });
       });
   else if (!this->Selects())
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& tile)
+      [&](const quell::Rect& whole)
       {
-        static thread_local quell::Scratch results;
-        const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
-        const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
-        this->NonFinite.Add(filter(in, p, halfA, halfB, a, tile));
-        this->NonFinite.Add(filter(in, p, halfB, halfA, b, tile));
-        store(a, b, tile);
+        this->NonFinite.Apart(whole,
+          [&](const quell::Rect& tile)
+          {
+            static thread_local quell::Scratch results;
+            const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
+            const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
+            this->NonFinite.Add(tile, filter(in, p, halfA, halfB, a, tile));
+            this->NonFinite.Add(tile, filter(in, p, halfB, halfA, b, tile));
+            store(a, b, tile);
+          });
       });
   else
   {
@@ -270,8 +303,8 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
     const int reach = quell::NonLocalHalo(SmoothRadius, SmoothPatch, false);
     const quell::Rect inner = region.grown(reach).clipped(frame.Whole());
     const quell::Rect outer = region.grown(2 * reach).clipped(frame.Whole());
-    std::vector<float> memory(std::size_t(outer.area()) * 15 + std::size_t(inner.area()) * 6);
-    float* next = memory.data();
+    quell::Scratch block;
+    float* next = block.Take(std::size_t(outer.area()) * OuterFloats + std::size_t(inner.area()) * InnerFloats);
     const auto image = [&next](const quell::Rect& r)
     {
       const quell::ImageOut made(next, 3, r);
@@ -321,7 +354,11 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
         filter(plain, smooth, errors, radiance, smoothed, tile);
         for (int y = tile.y0; y < tile.y1; ++y)
           for (int x = tile.x0; x < tile.x1; ++x)
-            choice.at(x, y)[0] = smoothed.at(x, y)[0] < smoothed.at(x, y)[1] ? 1.f : 0.f;
+          {
+            float* chosen = choice.at(x, y);
+            chosen[0] = smoothed.at(x, y)[0] < smoothed.at(x, y)[1] ? 1.f : 0.f;
+            chosen[1] = chosen[2] = 0;
+          }
       },
       0.8, 0.9);
     this->ForEachTile(
@@ -334,9 +371,9 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
         for (int y = tile.y0; y < tile.y1; ++y)
           for (int x = tile.x0; x < tile.x1; ++x)
           {
-            this->NonFinite.Add(!quell::Finite3(halfA.at(x, y)));
-            this->NonFinite.Add(!quell::Finite3(halfB.at(x, y)));
-            this->NonFinite.Add(!quell::Finite3(radiance.at(x, y)));
+            this->NonFinite.Add({ x, y, x + 1, y + 1 }, !quell::Finite3(halfA.at(x, y)));
+            this->NonFinite.Add({ x, y, x + 1, y + 1 }, !quell::Finite3(halfB.at(x, y)));
+            this->NonFinite.Add({ x, y, x + 1, y + 1 }, !quell::Finite3(radiance.at(x, y)));
             for (int half = 0; half < 2; ++half)
               for (int c = 0; c < 3; ++c)
               {
@@ -348,5 +385,5 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
       },
       0.9, 1);
   }
-  this->NonFinite.Report(this->Counters, this->Warnings, halves ? "the halves" : "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, halves ? "the halves" : "radiance");
 }

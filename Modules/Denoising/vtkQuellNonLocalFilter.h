@@ -53,6 +53,8 @@ public:
   int HaloFor(int port) const override;
   /// With both halves radiance is read only where it tells between two widths.
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   bool SetInputAttribute(
     int port, int connection, const std::string& name, const std::string& value, std::string& error) override;
   double CostPerPixel() const override
@@ -80,6 +82,8 @@ private:
     std::string Name;
     double Least = 1e-3;
   };
+  GuideSettings SettingsOf(int port, int connection) const;
+
   std::map<std::pair<int, int>, GuideSettings> Settings; ///< by port and connection
   quell::PixelCount NonFinite;
 

@@ -60,27 +60,33 @@ int vtkQuellNormalSnap::HaloFor(int) const
   return quell::SnapNormalsReach;
 }
 
+void vtkQuellNormalSnap::CheckConnections(quell::ConnectionCheck& check) const
+{
+  if (check.Count(VarianceNormal) > 0)
+    check.WantComponents(VarianceNormal, 0, { 1, 3 });
+}
+
 void vtkQuellNormalSnap::Execute(quell::StageFrame& frame)
 {
-  const quell::ImageIn variance = frame.Input(VarianceNormal);
-  if (variance && variance.components != 1 && variance.components != 3)
-    throw quell::StageError(
-      "input \"varianceNormal\" wants 1 or 3 components, not " + std::to_string(variance.components));
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->Superclass::Execute(frame);
-  this->NonFinite.Report(this->Counters, this->Warnings, "normal");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "normal");
 }
 
 void vtkQuellNormalSnap::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  quell::SnapNormalsInputs in;
-  in.normal = frame.Input(Normal);
-  in.depth = frame.Input(Depth);
-  in.position = frame.Input(Position);
-  in.id = frame.Input(Id);
-  in.variance = frame.Input(VarianceNormal);
-  quell::SnapNormalsParameters p;
-  p.sigmaDepth = this->SigmaDepth;
-  p.mixedVariance = this->MixedVariance;
-  this->NonFinite.Add(quell::SnapNormals(in, p, frame.Output("normal"), tile));
+  this->NonFinite.Apart(tile,
+    [&](const quell::Rect& part)
+    {
+      quell::SnapNormalsInputs in;
+      in.normal = frame.Input(Normal);
+      in.depth = frame.Input(Depth);
+      in.position = frame.Input(Position);
+      in.id = frame.Input(Id);
+      in.variance = frame.Input(VarianceNormal);
+      quell::SnapNormalsParameters p;
+      p.sigmaDepth = this->SigmaDepth;
+      p.mixedVariance = this->MixedVariance;
+      this->NonFinite.Add(part, quell::SnapNormals(in, p, frame.Output("normal"), part));
+    });
 }

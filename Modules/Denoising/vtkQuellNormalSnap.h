@@ -39,6 +39,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
 
 protected:
   vtkQuellNormalSnap();

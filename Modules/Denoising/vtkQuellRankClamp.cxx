@@ -52,6 +52,11 @@ int vtkQuellRankClamp::HaloFor(int) const
   return std::max(1, this->Radius); // 1: a non-finite pixel is filled from its neighbours
 }
 
+double vtkQuellRankClamp::ScratchBytes(const quell::Rect& region, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(region.width(), quell::EnergyLedger::RowsPerStrip, this->Radius, 1);
+}
+
 void vtkQuellRankClamp::Execute(quell::StageFrame& frame)
 {
   const quell::ImageIn in = frame.Input(Radiance), id = frame.Input(Id);
@@ -67,9 +72,8 @@ void vtkQuellRankClamp::Execute(quell::StageFrame& frame)
     });
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
-  quell::PixelCount bad;
-  bad.Add(ledger.NonFinite);
-  bad.Report(this->Counters, this->Warnings, "radiance");
+  quell::PixelCount::Report(
+    ledger.NonFinite, this->Ledger.Total().NonFinite, this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }
 
 std::string vtkQuellRankClamp::GetReport() const

@@ -46,6 +46,7 @@ public:
   std::string GetReport() const override;
 
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override { return 0.02 * (2 * this->Radius + 1) * (2 * this->Radius + 1); }
 
 protected:

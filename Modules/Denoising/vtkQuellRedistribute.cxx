@@ -101,11 +101,15 @@ void vtkQuellRedistribute::Execute(quell::StageFrame& frame)
   this->EnergyLeft += sum.Luminance;
   this->EnergySpread += 0.2126 * sum.Residual[0] + 0.7152 * sum.Residual[1] + 0.0722 * sum.Residual[2];
 
-  quell::PixelCount bad;
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   if (this->Over == Image)
     this->ForEachTile(
       frame.Region(), 64,
-      [&](const quell::Rect& tile) { bad.Add(quell::RedistributeEvenly(in.radiance, in.residual, sum, out, tile)); },
+      [&](const quell::Rect& whole)
+      {
+        this->NonFinite.Apart(whole, [&](const quell::Rect& tile)
+          { this->NonFinite.Add(tile, quell::RedistributeEvenly(in.radiance, in.residual, sum, out, tile)); });
+      },
       0.2, 1);
   else
   {
@@ -113,14 +117,18 @@ void vtkQuellRedistribute::Execute(quell::StageFrame& frame)
       this->SigmaDepth };
     this->ForEachTile(
       frame.Region(), 64,
-      [&](const quell::Rect& tile)
+      [&](const quell::Rect& whole)
       {
-        std::vector<double> scratch(quell::RedistributeScratch(tile));
-        bad.Add(quell::Redistribute(in, p, out, tile, scratch.data()));
+        this->NonFinite.Apart(whole,
+          [&](const quell::Rect& tile)
+          {
+            std::vector<double> scratch(quell::RedistributeScratch(tile));
+            this->NonFinite.Add(tile, quell::Redistribute(in, p, out, tile, scratch.data()));
+          });
       },
       0.2, 1);
   }
-  bad.Report(this->Counters, this->Warnings, "radiance or residual");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance or residual");
 }
 
 std::string vtkQuellRedistribute::GetReport() const

@@ -71,6 +71,7 @@ private:
   double Sigma = 1.5, Threshold = 5, SigmaNormal = 0.3, SigmaDepth = 0.1;
   quell::CountedRows Counted;
   double EnergyLeft = 0, EnergySpread = 0;
+  quell::PixelCount NonFinite;
 
   vtkQuellRedistribute(const vtkQuellRedistribute&) = delete;
   void operator=(const vtkQuellRedistribute&) = delete;

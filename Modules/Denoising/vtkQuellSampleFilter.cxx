@@ -83,19 +83,30 @@ int vtkQuellSampleFilter::HaloFor(int) const
   return std::max(1, this->Radius); // 1: a non-finite sample is filled from its neighbours
 }
 
+void vtkQuellSampleFilter::CheckConnections(quell::ConnectionCheck& check) const
+{
+  const auto times = [](int n) { return std::to_string(n) + (n == 1 ? " connection" : " connections"); };
+  const int count = check.Count(Radiance);
+  for (int port = Depth; port <= Id; ++port)
+  {
+    const int n = check.Count(port);
+    if (n != 0 && n != count)
+      check.Error(port, std::min(n - 1, count), times(n) + ", but \"radiance\" has " + times(count),
+        "each sample needs its own, in the same order");
+  }
+}
+
+double vtkQuellSampleFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(64, 64, this->HaloFor(0), 12 * std::max(1, this->GetNumberOfInputConnections(0)));
+}
+
 void vtkQuellSampleFilter::Gather(
   quell::StageFrame& frame, std::vector<quell::ImageIn> (&views)[5], quell::SampleFilterParameters& p) const
 {
-  const int count = frame.Connections(Radiance);
   for (int port = Radiance; port <= Id; ++port)
-  {
-    const int n = frame.Connections(port);
-    if (n != 0 && n != count)
-      throw quell::StageError("input \"" + this->GetDescription().Inputs[port].Name + "\" has " + std::to_string(n) +
-                              " connections, radiance has " + std::to_string(count) + "; each sample needs its own");
-    for (int c = 0; c < n; ++c)
+    for (int c = 0; c < frame.Connections(port); ++c)
       views[port].push_back(frame.Input(port, c));
-  }
   p.radius = this->Radius;
   p.sigmaSpatial = this->SigmaSpatial;
   p.sigmaNormal = this->SigmaNormal;
@@ -114,16 +125,21 @@ void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
   const int count = int(views[Radiance].size());
   const quell::SampleFilterInputs in = InputsOf(views);
   const quell::ImageOut out = frame.Output("radiance");
-  quell::PixelCount bad;
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), 64,
-    [&](const quell::Rect& tile)
+    [&](const quell::Rect& whole)
     {
-      static thread_local quell::Scratch scratch;
-      bad.Add(quell::SampleFilter(in, p, out, tile, scratch.Take(quell::SampleFilterScratch(in, p, tile))));
+      this->NonFinite.Apart(whole,
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch scratch;
+          this->NonFinite.Add(
+            tile, quell::SampleFilter(in, p, out, tile, scratch.Take(quell::SampleFilterScratch(in, p, tile))));
+        });
     });
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side * count * (this->Pairs ? count : 1);
-  bad.Report(this->Counters, this->Warnings, "the samples");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "the samples");
 }
 
 void vtkQuellSampleFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)

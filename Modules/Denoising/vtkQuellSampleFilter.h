@@ -66,6 +66,8 @@ public:
 
   bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
+  void CheckConnections(quell::ConnectionCheck& check) const override;
   double CostPerPixel() const override { return 8. * (2 * this->Radius + 1) * (2 * this->Radius + 1) / 121; }
 
 protected:
@@ -81,6 +83,7 @@ private:
   int Radius = 5, Pairs = 1;
   double SigmaSpatial = 2, SigmaNormal = 0.2, SigmaDepth = 0.05, SigmaAlbedo = 0.1, Floor = 1e-3;
   bool Demodulate = true;
+  quell::PixelCount NonFinite;
 
   vtkQuellSampleFilter(const vtkQuellSampleFilter&) = delete;
   void operator=(const vtkQuellSampleFilter&) = delete;

@@ -31,14 +31,18 @@ int vtkQuellSum::HaloFor(int) const
 
 void vtkQuellSum::Execute(quell::StageFrame& frame)
 {
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->Superclass::Execute(frame);
-  this->NonFinite.Report(this->Counters, this->Warnings, "the terms");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "the terms");
 }
 
 void vtkQuellSum::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  const quell::ImageOut out = frame.Output("radiance");
-  for (int c = 0; c < frame.Connections(0); ++c)
-    this->NonFinite.Add(quell::AddTerm(frame.Input(0, c), c == 0, out, tile));
+  this->NonFinite.Apart(tile,
+    [&](const quell::Rect& part)
+    {
+      const quell::ImageOut out = frame.Output("radiance");
+      for (int c = 0; c < frame.Connections(0); ++c)
+        this->NonFinite.Add(part, quell::AddTerm(frame.Input(0, c), c == 0, out, part));
+    });
 }

@@ -69,6 +69,11 @@ int vtkQuellVarianceEstimate::HaloFor(int) const
   return quell::VariancePass::Radius;
 }
 
+double vtkQuellVarianceEstimate::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  return quell::TileScratchBytes(TileWidth, TileRows, quell::VariancePass::Radius, quell::GuidedPlanes::Most(12));
+}
+
 void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
 {
   const quell::Rect region = frame.Region();
@@ -84,7 +89,7 @@ void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
   parameters.ofMean = this->VarianceOf == 1;
   parameters.maximumSamples = float(this->MaximumSamples);
 
-  this->NonFinite.Reset();
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   std::atomic<std::int64_t> estimated{ 0 };
   const auto inSpace = [&](const quell::Rect& tile)
   {
@@ -99,10 +104,11 @@ void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
     pass.moments.central = planes.Take(bool(moments));
     pass.moments.history = planes.Take(temporal);
     pass.guides = planes.Guides;
+    const quell::Rect counted = tile.clipped(this->NonFinite.CountedRegion());
     planes.Fill([](const quell::Rect& r, auto&& body) { body(r.y0, r.y1); },
       [&](int y0, int y1)
       {
-        this->NonFinite.Add(quell::CopyColor(color, quell::ImageIn(), pass.guides, pass.in, y0, y1, tile));
+        this->NonFinite.Add(counted, quell::CopyColor(color, quell::ImageIn(), pass.guides, pass.in, y0, y1, counted));
         if (temporal)
           quell::CopyMoments(moments, length, pass.guides.layout, pass.in, pass.moments, pass.minimumHistory, y0, y1);
       });
@@ -124,5 +130,5 @@ void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
     });
   constexpr int side = 2 * quell::VariancePass::Radius + 1;
   this->Counters.Taps += estimated * side * side;
-  this->NonFinite.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }

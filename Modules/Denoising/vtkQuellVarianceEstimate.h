@@ -51,6 +51,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override { return 0.1; }
   bool FillsOutputs() const override { return true; }
 

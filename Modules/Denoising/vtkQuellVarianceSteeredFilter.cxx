@@ -18,6 +18,7 @@ enum Ports
   Albedo,
   Id
 };
+constexpr int TileSize = 96;
 }
 
 void vtkQuellVarianceSteeredFilter::Describe(quell::StageDescription& d)
@@ -64,6 +65,13 @@ int vtkQuellVarianceSteeredFilter::HaloFor(int) const
   return quell::VarianceSteeredHalo(p);
 }
 
+double vtkQuellVarianceSteeredFilter::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
+{
+  // What is read; a result and an error for each scale.
+  return quell::TileScratchBytes(
+    TileSize, TileSize, this->HaloFor(0), 13 + 9 * (quell::VarianceSteeredParameters::MostScales + 1));
+}
+
 void vtkQuellVarianceSteeredFilter::Execute(quell::StageFrame& frame)
 {
   quell::VarianceSteeredInputs in;
@@ -75,15 +83,20 @@ void vtkQuellVarianceSteeredFilter::Execute(quell::StageFrame& frame)
   in.id = frame.Input(Id);
   const quell::VarianceSteeredParameters p{ this->Scales, this->SigmaNormal, this->SigmaDepth, this->SigmaAlbedo };
   const quell::VarianceSteeredOutputs out{ frame.Output("radiance"), frame.Output("variance"), frame.Output("sigma") };
-  quell::PixelCount bad;
+  this->NonFinite.Begin(frame.Region(), frame.Tick());
   // What is around a tile is judged again with it: larger tiles waste less.
-  this->ForEachTile(frame.Region(), 96,
-    [&](const quell::Rect& tile)
+  this->ForEachTile(frame.Region(), TileSize,
+    [&](const quell::Rect& whole)
     {
-      static thread_local quell::Scratch scratch;
-      bad.Add(quell::VarianceSteered(in, p, out, tile, scratch.Take(quell::VarianceSteeredScratch(in, p, tile))));
+      this->NonFinite.Apart(whole,
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch scratch;
+          this->NonFinite.Add(
+            tile, quell::VarianceSteered(in, p, out, tile, scratch.Take(quell::VarianceSteeredScratch(in, p, tile))));
+        });
     });
   const std::int64_t side = 2 * quell::VarianceSteeredRadius(this->Scales) + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
-  bad.Report(this->Counters, this->Warnings, "radiance");
+  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
 }

@@ -42,6 +42,7 @@ public:
   ///@}
 
   int HaloFor(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override { return 4; }
 
 protected:
@@ -52,6 +53,7 @@ protected:
 private:
   int Scales = 4;
   double SigmaNormal = 0.2, SigmaDepth = 0.05, SigmaAlbedo = 0.1;
+  quell::PixelCount NonFinite;
 
   vtkQuellVarianceSteeredFilter(const vtkQuellVarianceSteeredFilter&) = delete;
   void operator=(const vtkQuellVarianceSteeredFilter&) = delete;

@@ -38,6 +38,9 @@ namespace quell
 {
 namespace
 {
+constexpr double BufferBytes = 64 << 20;      ///< of rows read or written at once, where 32 rows are not more
+constexpr int ReadRows = 64, WriteRows = 256; ///< at once, where they are not more
+
 constexpr float MaximumHalf = 65504.f;
 [[noreturn]] void Refuse(
   const char* doing, const std::string& path, const std::string& cause, const std::string& remedy)
@@ -431,7 +434,7 @@ void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, c
   const OIIO::ImageSpec& spec = part.Spec;
   const bool tiled = spec.tile_width > 0;
   Rect block = wanted;
-  int step = 64;
+  int step = ReadRows;
   if (tiled)
   {
     const auto down = [](int v, int origin, int size) { return origin + (v - origin) / size * size; };
@@ -450,7 +453,7 @@ void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, c
       block.y0 += (wanted.y0 - block.y0) / 32 * 32;
   }
   const std::int64_t row = std::int64_t(block.width()) * (hi - lo) * 4;
-  while (step > 32 && !tiled && row * step > (std::int64_t(64) << 20))
+  while (step > 32 && !tiled && double(row * step) > BufferBytes)
     step /= 2;
   if (const ImageFault fault = CheckImageRows(spec))
     Refuse("read", path, fault.Cause, fault.Remedy);
@@ -1269,8 +1272,8 @@ void ImageFileWriter::Write(const Rect& band, vtkImageData* image, const std::ve
           band.y0 < in.Region.y0)
         Refuse("write", in.Path, "a band of rows does not go on where the last one ended", "");
       const size_t row = size_t(band.width()) * size_t(in.Spec.nchannels);
-      int step = 256;
-      while (step > 32 && row * step * sizeof(float) > (size_t(64) << 20))
+      int step = WriteRows;
+      while (step > 32 && double(row * step * sizeof(float)) > BufferBytes)
         step /= 2;
       std::vector<float> buffer(row * std::min(step, band.height()));
       for (int top = band.y1; top > band.y0; top -= step)
@@ -1316,6 +1319,19 @@ WriteReport ImageFileWriter::Finish()
     report.Warnings.push_back(
       "\"" + in.Path + "\": " + std::to_string(report.NonFinite) + " values that are not finite were written as 0");
   return report;
+}
+
+double ReadBufferBytes(int width, int height, double channels)
+{
+  // Ours, limited, and the library's of at least 256 rows.
+  const double row = double(width) * channels * sizeof(float);
+  return std::min(BufferBytes, row * std::min(height, ReadRows)) + row * std::min(height, 256);
+}
+
+double WriteBufferBytes(int width, int height, double channels)
+{
+  // Ours, limited, and the library's of the same rows in the file's format.
+  return 2 * std::min(BufferBytes, double(width) * channels * sizeof(float) * std::min(height, WriteRows));
 }
 
 void WriteImageFile(const std::string& path, vtkImageData* image, const std::vector<LayerSpec>& layers,

@@ -133,6 +133,12 @@ private:
   std::unique_ptr<Internals> Internal;
 };
 
+///@{
+/// Bytes of buffers, ours and the library's, while a frame of that size and number of channels is read or written.
+VTKQUELLIO_EXPORT double ReadBufferBytes(int width, int height, double channels);
+VTKQUELLIO_EXPORT double WriteBufferBytes(int width, int height, double channels);
+///@}
+
 /// What writing would refuse `path` for before it has pixels: a format that nobody writes, a place where no file
 /// can be made. Throws quell::StageError; makes nothing.
 VTKQUELLIO_EXPORT void CheckWritable(const std::string& path);

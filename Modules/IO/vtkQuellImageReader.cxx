@@ -102,15 +102,16 @@ std::vector<quell::OutputArray> vtkQuellImageReader::ListDynamicOutputs()
 }
 
 // Foreign files are where non-finite values come in: here they are counted and located, filters only survive them.
-void vtkQuellImageReader::CountNonFinite(const std::string& name, const quell::ImageIn& view)
+void vtkQuellImageReader::CountNonFinite(const std::string& name, const quell::ImageIn& view, const quell::Rect& rows)
 {
   const quell::ArrayType* known = quell::FindArray(name);
   // Infinity is what depth and hit distance hold where nothing was hit.
   const bool infinityIsFine = known && std::isinf(known->Background);
+  // What a later band adds lies below: its first is the first of all.
   long long bad = 0;
   int firstX = 0, firstY = 0;
-  for (int y = view.extent.y0; y < view.extent.y1; ++y)
-    for (int x = view.extent.x0; x < view.extent.x1; ++x)
+  for (int y = rows.y0; y < rows.y1; ++y)
+    for (int x = rows.x0; x < rows.x1; ++x)
     {
       const float* v = view.at(x, y);
       bool fine = true;
@@ -123,9 +124,28 @@ void vtkQuellImageReader::CountNonFinite(const std::string& name, const quell::I
       }
     }
   this->Counters.NonFinite += bad;
-  if (bad)
-    this->Warnings.push_back(std::to_string(bad) + " pixels of " + name + " are not finite, the first at (" +
-                             std::to_string(firstX) + ", " + std::to_string(firstY) + ") from the bottom left");
+  Bad& all = this->NonFinite[name];
+  if (bad && (all.Pixels == 0 || firstY < all.FirstY))
+  {
+    all.FirstX = firstX;
+    all.FirstY = firstY;
+  }
+  all.Pixels += bad;
+}
+
+double vtkQuellImageReader::ScratchBytes(const quell::Rect&, const quell::Rect& whole, const quell::ArraySet&)
+{
+  double channels = 0;
+  try
+  {
+    for (const quell::OutputArray& array : this->ListDynamicOutputs())
+      channels += array.Components;
+  }
+  catch (const quell::StageError&)
+  {
+    return 0; // said where it matters
+  }
+  return quell::ReadBufferBytes(whole.width(), whole.height(), channels);
 }
 
 void vtkQuellImageReader::Execute(quell::StageFrame& frame)
@@ -158,8 +178,20 @@ void vtkQuellImageReader::Execute(quell::StageFrame& frame)
     }
   quell::ReadReport report;
   quell::ReadImageFile(path, &report, options);
+  bool started = false;
+  const quell::Rect rows = this->Counted.Add(frame.Region(), frame.Tick(), started);
+  if (started)
+    this->NonFinite.clear();
   for (const auto& output : outputs)
-    this->CountNonFinite(output.first, output.second);
+    this->CountNonFinite(output.first, output.second, rows);
+  for (const auto& bad : this->NonFinite)
+    if (bad.second.Pixels)
+      this->CountedWarning += (this->CountedWarning.empty() ? "" : "; ") + std::to_string(bad.second.Pixels) +
+                              " pixels of " + bad.first + " are not finite, the first at (" +
+                              std::to_string(bad.second.FirstX) + ", " + std::to_string(bad.second.FirstY) +
+                              ") from the bottom left";
+  if (!this->CountedWarning.empty())
+    this->Warnings.push_back(this->CountedWarning);
   frame.OutputFacts = report.Facts;
   frame.OutputFacts.Tick = frame.Tick();
   this->Warnings.insert(this->Warnings.end(), report.Warnings.begin(), report.Warnings.end());

@@ -14,7 +14,11 @@
 #define vtkQuellImageReader_h
 
 #include "vtkQuellIOModule.h"
+#include "quellCountedRows.h"
 #include "vtkQuellStage.h"
+
+#include <map>
+#include <string>
 
 class VTKQUELLIO_EXPORT vtkQuellImageReader : public vtkQuellStage
 {
@@ -37,6 +41,7 @@ public:
   ///@}
 
   std::vector<quell::OutputArray> ListDynamicOutputs() override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
 
 protected:
   vtkQuellImageReader();
@@ -45,11 +50,18 @@ protected:
   void Execute(quell::StageFrame& frame) override;
 
 private:
-  void CountNonFinite(const std::string& name, const quell::ImageIn& view);
+  void CountNonFinite(const std::string& name, const quell::ImageIn& view, const quell::Rect& rows);
 
   std::string File;
   std::string PlainArray = "radiance";
   int Transfer = 0;
+  struct Bad
+  {
+    long long Pixels = 0;
+    int FirstX = 0, FirstY = 0;
+  };
+  std::map<std::string, Bad> NonFinite; ///< by array, of the frame so far
+  quell::CountedRows Counted;
 
   vtkQuellImageReader(const vtkQuellImageReader&) = delete;
   void operator=(const vtkQuellImageReader&) = delete;

@@ -121,6 +121,17 @@ void vtkQuellImageWriter::CheckSettings()
   quell::CheckWritable(quell::SequencePath(this->File, this->Ticks.First));
 }
 
+double vtkQuellImageWriter::ScratchBytes(const quell::Rect& region, const quell::Rect&, const quell::ArraySet&)
+{
+  int channels = 0;
+  for (int c = 0; c < this->GetNumberOfInputConnections(0); ++c)
+  {
+    const quell::ArrayType* known = quell::FindArray(this->GetInputArray(0, c));
+    channels += known ? known->Components : 4;
+  }
+  return quell::WriteBufferBytes(region.width(), region.height(), channels);
+}
+
 void vtkQuellImageWriter::Execute(quell::StageFrame& frame)
 {
   this->Files.clear();

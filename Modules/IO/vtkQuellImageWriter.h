@@ -57,6 +57,8 @@ public:
   void CheckSettings() override;
   std::vector<std::string> GetFilesWritten() const override { return this->Files; }
 
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
+
   bool TakesBands() const override { return true; }
   void BeginBands(const quell::Rect& region) override;
   void EndBands() override;

@@ -81,6 +81,16 @@ double PlanBytes(const ExecutionPlan& plan)
   return bytes;
 }
 
+double PlanMemory(const ExecutionPlan& plan)
+{
+  double bytes = ProgramBytes + PlanBytes(plan);
+  for (const PlannedNode& n : plan.Nodes)
+  {
+    bytes += n.ScratchBytes;
+  }
+  return bytes;
+}
+
 void EstimateCosts(ExecutionPlan& plan, const PipelineExecutor& executor, const CostModel& model, int threads)
 {
   plan.Threads = threads;
@@ -307,6 +317,7 @@ ExecutionPlan MakePlan(
       }
     }
     planned.Executes = !planned.Makes.empty() || description.Sink;
+    planned.ScratchBytes = planned.Executes ? stage->ScratchBytes(d.Region, wholes[n], d.Asked) : 0.;
     const auto kept = executor.KeptArrays().find(int(n));
     if (kept != executor.KeptArrays().end())
     {
@@ -384,9 +395,11 @@ std::string BandsText(const ExecutionPlan& plan)
     inside += n.Executes ? double(n.Region.width()) * plan.BandRows : 0.;
     made += n.Executes ? double(n.Region.area()) : 0.;
   }
-  char text[160];
-  std::snprintf(text, sizeof text, "in %d bands of %d rows, one at a time: %s of arrays, %.0f %% more pixels to make\n",
-    plan.Bands, plan.BandRows, BytesText(PlanBytes(plan)).c_str(), 100 * (inside > 0 ? made / inside - 1 : 0));
+  char text[200];
+  std::snprintf(text, sizeof text,
+    "in %d bands of %d rows, one at a time: %s of memory, %s of it arrays, %.0f %% more pixels to make\n", plan.Bands,
+    plan.BandRows, BytesText(PlanMemory(plan)).c_str(), BytesText(PlanBytes(plan)).c_str(),
+    100 * (inside > 0 ? made / inside - 1 : 0));
   return text;
 }
 
@@ -394,7 +407,7 @@ ExecutionPlan FitPlan(PipelineExecutor& executor, const std::optional<DisplayReg
   double tolerance, double bytes, std::string& error)
 {
   ExecutionPlan whole = MakePlan(executor, region, first, end, tolerance);
-  const double needed = PlanBytes(whole);
+  const double needed = PlanMemory(whole);
   if (!whole.Error.empty() || bytes <= 0 || needed <= bytes)
   {
     return whole;
@@ -417,7 +430,7 @@ ExecutionPlan FitPlan(PipelineExecutor& executor, const std::optional<DisplayReg
     while (low < high)
     {
       const int middle = (low + high + 1) / 2;
-      if (PlanBytes(banded(16 * middle)) <= bytes)
+      if (PlanMemory(banded(16 * middle)) <= bytes)
       {
         low = middle;
       }
@@ -429,7 +442,7 @@ ExecutionPlan FitPlan(PipelineExecutor& executor, const std::optional<DisplayReg
     rows = 16 * low;
     if (rows == 0)
     {
-      reason = height > 16 ? "bands of 16 rows still need " + BytesText(PlanBytes(banded(16)))
+      reason = height > 16 ? "bands of 16 rows still need " + BytesText(PlanMemory(banded(16)))
                            : "the frame has too few rows for bands";
     }
   }
@@ -440,19 +453,21 @@ ExecutionPlan FitPlan(PipelineExecutor& executor, const std::optional<DisplayReg
     plan.Bands = (height + rows - 1) / rows;
     return plan;
   }
+  const auto bytesOf = [](const PlannedNode& n) { return n.Bytes + n.KeptBytes + n.ScratchBytes; };
   std::vector<const PlannedNode*> nodes;
   for (const PlannedNode& n : whole.Nodes)
   {
     nodes.push_back(&n);
   }
   std::stable_sort(nodes.begin(), nodes.end(),
-    [](const PlannedNode* x, const PlannedNode* y) { return x->Bytes + x->KeptBytes > y->Bytes + y->KeptBytes; });
+    [&bytesOf](const PlannedNode* x, const PlannedNode* y) { return bytesOf(*x) > bytesOf(*y); });
   std::string largest;
   for (std::size_t i = 0; i < nodes.size() && i < 3; ++i)
   {
-    largest += (i ? ", " : "") + Quoted(nodes[i]->Path) + " " + BytesText(nodes[i]->Bytes + nodes[i]->KeptBytes);
+    largest += (i ? ", " : "") + Quoted(nodes[i]->Path) + " " + BytesText(bytesOf(*nodes[i]));
   }
-  error = "the arrays need " + BytesText(needed) + ", most of it in " + largest + ", and " + reason;
+  error = "the run needs " + BytesText(needed) + ", " + BytesText(ProgramBytes) +
+          " of it the program, most of the rest in " + largest + ", and " + reason;
   return whole;
 }
 
@@ -528,6 +543,10 @@ std::string PlanText(const ExecutionPlan& plan)
       out += "    makes " + Joined(n.Makes) + " (" + BytesText(n.Bytes) +
              (n.Seconds < 0 ? "" : ", about " + SecondsText(n.Seconds)) + ")\n";
     }
+    if (n.ScratchBytes > 0)
+    {
+      out += "    needs " + BytesText(n.ScratchBytes) + " of scratch\n";
+    }
     if (!n.Passes.empty())
     {
       out += "    passes " + Joined(n.Passes) + "\n";
@@ -577,10 +596,10 @@ std::string PlanText(const ExecutionPlan& plan)
                                                " another machine's, quell calibrate measures this one\n";
   }
   const double held = PlanBytes(plan);
-  if (held > bytes)
-  {
-    out += "memory: " + BytesText(held) + " of arrays with what is kept of the frame before\n";
-  }
+  out += "memory: about " + BytesText(PlanMemory(plan)) + ", scenes not counted: " + BytesText(held) + " of arrays" +
+         (held > bytes ? " with what is kept of the frame before, " : ", ") +
+         BytesText(PlanMemory(plan) - held - ProgramBytes) + " of scratch, " + BytesText(ProgramBytes) +
+         " the program\n";
   return out;
 }
 

@@ -31,6 +31,7 @@ struct PlannedNode
   std::vector<std::string> Keeps;                  ///< read by the next frame; the node runs on the whole frame
   double Bytes = 0;                                ///< of arrays made per frame
   double KeptBytes = 0;                            ///< of those kept for the next one
+  double ScratchBytes = 0;                         ///< what it needs besides, see vtkQuellStage::ScratchBytes
   double Seconds = -1;                             ///< estimated, of one execution (EstimateCosts); negative: unknown
   std::vector<std::string> Notes;                  ///< what the stage itself leaves out and why
   std::vector<std::pair<std::string, std::string>> Properties; ///< that differ from the default
@@ -71,7 +72,7 @@ VTKQUELLPIPELINE_EXPORT void EstimateCosts(
 /// Of one frame; negative where nothing is known. `unknown`: nodes that are not in it.
 VTKQUELLPIPELINE_EXPORT double PlanSeconds(const ExecutionPlan& plan, int& unknown);
 
-/// MakePlan; where the arrays between the stages need more than `bytes`, the plan of a band in the middle of the frame
+/// MakePlan; where the run needs more memory than `bytes` (PlanMemory), the plan of a band in the middle of the frame
 /// with the most rows (a multiple of 16) that fit, and BandRows says so. Where no 16 rows fit, or the pipeline cannot
 /// run in bands, `error` says why. bytes 0: no limit.
 VTKQUELLPIPELINE_EXPORT ExecutionPlan FitPlan(PipelineExecutor& executor, const std::optional<DisplayRegion>& region,
@@ -99,10 +100,14 @@ VTKQUELLPIPELINE_EXPORT HistoryPlan PlanHistory(const PipelineExecutor& executor
 /// "history: ..." of explain and run; empty when nothing is computed before the first frame.
 VTKQUELLPIPELINE_EXPORT std::string HistoryText(const HistoryPlan& history);
 
-/// Bytes of arrays that a run holds at once: what every node makes for a frame, and what is kept of the one before.
 /// "in 9 bands of 240 rows ..." with a line end; empty where the frame is made at once.
 VTKQUELLPIPELINE_EXPORT std::string BandsText(const ExecutionPlan& plan);
+/// Bytes of arrays that a run holds at once: what every node makes for a frame, and what is kept of the one before.
 VTKQUELLPIPELINE_EXPORT double PlanBytes(const ExecutionPlan& plan);
+/// Resident memory of the program with its libraries, before there are pixels.
+constexpr double ProgramBytes = 170e6;
+/// What a run needs at most, but for scenes: ProgramBytes, arrays, and the scratch of all stages, which they keep.
+VTKQUELLPIPELINE_EXPORT double PlanMemory(const ExecutionPlan& plan);
 /// `12.5 MB`, decimal.
 VTKQUELLPIPELINE_EXPORT std::string BytesText(double bytes);
 

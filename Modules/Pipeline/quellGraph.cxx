@@ -287,6 +287,7 @@ public:
     this->ResolveInstances(instances);
     this->ConnectAll(real);
     this->CheckArrays();
+    this->CheckConnections();
     this->CheckCycles();
     this->Result->Nodes.resize(real);
     this->CheckSettings();
@@ -311,6 +312,10 @@ private:
     d.Hint = hint;
     d.Context = who.Context;
     d.Node = who.Node;
+    if (level == Severity::Error)
+    {
+      this->Faulty.insert(who.Node);
+    }
     this->Messages.Add(std::move(d));
   }
   void Error(const SourceLocation& place, const Who& who, const std::string& what, const std::string& hint = {})
@@ -2290,6 +2295,24 @@ private:
              [&end](const OutputArray& a) { return a.Name == end.Array; });
   }
 
+  /// A stage that knows of its connections what they are now.
+  void Renew(GraphNode& node)
+  {
+    node.Stage = this->Registry.Create(node.Type);
+    std::string error; // all of it was accepted before
+    for (const GraphProperty& p : node.Properties)
+    {
+      node.Stage->SetPropertyText(p.Name, p.Text, error);
+    }
+    for (const GraphEdge& e : node.Inputs)
+    {
+      for (const auto& a : e.Attributes)
+      {
+        node.Stage->SetInputAttribute(e.Port, e.Connection, a.first, a.second, error);
+      }
+    }
+  }
+
   /// Takes connections out and numbers those that stay anew.
   void Drop(const std::map<int, std::set<int>>& dropped)
   {
@@ -2307,6 +2330,7 @@ private:
         }
       }
       inputs = kept;
+      this->Renew(this->Result->Nodes[std::size_t(d.first)]);
     }
   }
 
@@ -2398,6 +2422,59 @@ private:
       }
     }
     this->ReportMissing();
+  }
+
+  /// What stages say of their connections together; where one of them is broken that would be guesswork.
+  void CheckConnections()
+  {
+    for (std::size_t n = 0; n < this->Result->Nodes.size(); ++n)
+    {
+      const GraphNode& node = this->Result->Nodes[n];
+      if (!node.Stage || this->Faulty.count(node.Path) || this->BadProperties.count(int(n)) ||
+          std::any_of(node.Inputs.begin(), node.Inputs.end(), [](const GraphEdge& e) { return e.Producer < 0; }))
+      {
+        continue;
+      }
+      const StageDescription& d = node.Description();
+      ConnectionCheck check;
+      check.Ports.resize(d.Inputs.size());
+      std::map<std::pair<int, int>, const GraphEdge*> edges;
+      for (const GraphEdge& e : node.Inputs)
+      {
+        const Available& available = this->ArraysOf(e.Producer);
+        ConnectionCheck::Connection connection;
+        connection.Array = e.Array;
+        for (const OutputArray& a : available.Arrays)
+        {
+          if (a.Name == e.Array)
+          {
+            connection.Components = a.Components > 0 ? a.Components : KindComponents(a.Kind);
+            break;
+          }
+        }
+        connection.Holds = [&available](std::vector<OutputArray>& arrays)
+        {
+          arrays = available.Arrays;
+          return available.Known;
+        };
+        auto& port = check.Ports[std::size_t(e.Port)];
+        port.resize(std::max(port.size(), std::size_t(e.Connection) + 1));
+        port[std::size_t(e.Connection)] = connection;
+        edges[{ e.Port, e.Connection }] = &e;
+      }
+      node.Stage->CheckConnections(check);
+      for (const ConnectionCheck::Message& m : check.Messages())
+      {
+        Who who = this->Items[n].About;
+        const auto edge = edges.find({ m.Port, m.Connection });
+        if (m.Port >= 0)
+        {
+          who.Where += ": input " + Quoted(d.Inputs[std::size_t(m.Port)].Name);
+        }
+        this->Say(m.Warning ? Severity::Warning : Severity::Error,
+          edge == edges.end() ? node.Place : edge->second->Place, who, m.Text, m.Hint);
+      }
+    }
   }
 
   // ---- loops and order ------------------------------------------------------------------------------------------
@@ -2749,6 +2826,7 @@ private:
   std::vector<Source> Items; // parallel to Result->Nodes
   std::map<std::pair<std::string, std::string>, std::string> Overrides;
   std::set<int> BadProperties;
+  std::set<std::string> Faulty; ///< paths that errors are about
   std::set<int> Complained;
   std::vector<TypedEnd> Typed;
   std::vector<PendingEnd> Ends;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellPipelineExecutor.h"
 
+#include "quellPixelMemory.h"
 #include "vtkCallbackCommand.h"
 #include "vtkExecutive.h"
 #include "vtkImageData.h"
@@ -190,6 +191,7 @@ void PipelineExecutor::Rebuild()
       stage->SetPropertyText(p.Name, p.Text, error); // checked when the graph was built
     }
     stage->SetTimeline(this->Plan->Ticks);
+    stage->SetConnectionsChecked(true); // by the graph builder
     stage->SetCancelToken(this->Token);
     stage->SetWatched(this->Watched);
     stage->SetMetadata(this->Metadata);
@@ -549,6 +551,8 @@ bool PipelineExecutor::RunBands(int tick, std::vector<Asked>& asked, TickResult&
     this->Stages[std::size_t(a.What.Node)]->BeginBands(a.Region);
   }
   bool good = true;
+  std::map<int, std::string> counted;          // by node: of the last band, about all of them
+  const std::size_t kept = KeepPixelMemory(0); // bands are for those who have little
   this->Watch->Bands = bands;
   for (int band = 0; band < bands && good; ++band)
   {
@@ -565,6 +569,16 @@ bool PipelineExecutor::RunBands(int tick, std::vector<Asked>& asked, TickResult&
       }
     }
     good = this->Pass(tick, now, result);
+    for (std::size_t n = 0; n < this->Stages.size(); ++n)
+    {
+      const std::string text = this->Live[n] && this->Stages[n] ? this->Stages[n]->GetCountedWarning() : std::string();
+      if (!text.empty())
+      {
+        counted[int(n)] = this->Title(int(n)) + ": " + text;
+        result.Warnings.erase(
+          std::remove(result.Warnings.begin(), result.Warnings.end(), counted[int(n)]), result.Warnings.end());
+      }
+    }
     // Bands of different numbers of samples make no frame.
     if (good && this->Token->IsFinishing() && (band + 1 < bands || !this->PartialText().empty()))
     {
@@ -575,6 +589,7 @@ bool PipelineExecutor::RunBands(int tick, std::vector<Asked>& asked, TickResult&
   }
   this->Watch->Band = 0;
   this->Watch->Bands = 1;
+  KeepPixelMemory(kept);
   for (const Asked& a : asked)
   {
     vtkQuellStage* stage = this->Stages[std::size_t(a.What.Node)];
@@ -600,6 +615,10 @@ bool PipelineExecutor::RunBands(int tick, std::vector<Asked>& asked, TickResult&
     {
       stage->DropBands();
     }
+  }
+  for (const auto& c : counted)
+  {
+    result.Warnings.push_back(c.second);
   }
   // Bands tend to say the same.
   std::vector<std::string> once;

@@ -460,6 +460,12 @@ double vtkQuellPathTraceSource::Radius() const
                                      : 1.5;
 }
 
+double vtkQuellPathTraceSource::ScratchBytes(
+  const quell::Rect& region, const quell::Rect&, const quell::ArraySet& asked)
+{
+  return double(quell::Film({ 0, 0, 1, 1 }, asked).BytesPerPixel()) * double(region.area());
+}
+
 double vtkQuellPathTraceSource::CostPerPixel() const
 {
   return 20. * this->SamplesPerPixel;

@@ -258,6 +258,8 @@ public:
   std::vector<quell::OutputArray> ListDynamicOutputs() override;
   std::vector<std::string> Explain() override;
   double CostPerPixel() const override;
+  /// The sums over samples; the scene is not in it.
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   quell::SamplingStatus GetSamplingStatus() const override;
   std::string SaveWork() const override;
   bool LoadWork(const std::string& bytes, std::string& error) override;

@@ -72,3 +72,21 @@ TEST(PixelMemory, OtherSizesTakeThePlaceOfTheOld)
     EXPECT_LE(PixelMemoryWaiting(), 3 * PixelMemoryKept);
   }
 }
+
+// Where memory is short nothing waits but what the peak allows.
+TEST(PixelMemory, KeepsNothingAboveThePeakWhereItIsShort)
+{
+  const std::size_t before = KeepPixelMemory(0), floats = 300000;
+  EXPECT_EQ(before, PixelMemoryKept);
+  // Peaks of other tests are forgotten.
+  for (int i = 0; i < 3 * 4096; ++i)
+    GivePixelMemory(TakePixelMemory(50000));
+  float* held = TakePixelMemory(floats);
+  GivePixelMemory(TakePixelMemory(floats));
+  EXPECT_EQ(PixelMemoryWaiting(), floats * sizeof(float));
+  float* other = TakePixelMemory(floats + 1000);
+  EXPECT_EQ(PixelMemoryWaiting(), 0u) << "a block of another size takes its place";
+  GivePixelMemory(other);
+  GivePixelMemory(held);
+  EXPECT_EQ(KeepPixelMemory(before), 0u);
+}

@@ -220,6 +220,78 @@ TEST(Stage, SaysWhatIsMissing)
     "input \"depth\" wants depth (1 x float along the view axis), but \"albedo\" has 3 components");
 }
 
+namespace
+{
+/// Wants guides of three components, and misses "alpha" where it is known not to be.
+class vtkQuellTestChoosy : public vtkQuellStage
+{
+public:
+  QUELL_STAGE(vtkQuellTestChoosy);
+  int Executed = 0;
+  void CheckConnections(quell::ConnectionCheck& check) const override
+  {
+    for (int c = 0; c < check.Count(1); ++c)
+      check.WantComponents(1, c, { 2, 3, 5 });
+    check.WantAtMost(1, 2, "two are enough");
+    std::vector<quell::OutputArray> arrays;
+    if (check.At(0, 0).Holds(arrays))
+      check.Warn(0, 0, std::to_string(arrays.size()) + " arrays, no alpha");
+  }
+
+protected:
+  vtkQuellTestChoosy() { this->InitializePorts(); }
+  void Execute(quell::StageFrame&) override { ++this->Executed; }
+};
+vtkStandardNewMacro(vtkQuellTestChoosy);
+QUELL_STAGE_DESCRIPTION(vtkQuellTestChoosy)
+void vtkQuellTestChoosy::Describe(quell::StageDescription& d)
+{
+  d.Input("radiance", quell::ArrayKind::Color, "radiance", "");
+  d.RepeatableInput("guide", quell::ArrayKind::Any, "albedo", "");
+  d.Inputs[1].Optional = true;
+  d.Output("radiance", quell::ArrayKind::Color, "");
+}
+}
+
+TEST(Stage, ChecksItsConnectionsBeforeItExecutes)
+{
+  vtkNew<vtkQuellTestSource> source;
+  vtkNew<vtkQuellTestChoosy> stage;
+  stage->ConnectInput("radiance", source);
+  stage->ConnectInput("guide", source, "normal");
+  stage->Update();
+  EXPECT_EQ(stage->GetErrorText(), "");
+  EXPECT_EQ(stage->Executed, 1);
+  const std::string known = std::to_string(source->GetDescription().Outputs.size());
+  ASSERT_EQ(stage->GetWarnings().size(), 1u);
+  EXPECT_EQ(stage->GetWarnings()[0], "input \"radiance\": " + known + " arrays, no alpha");
+  stage->SetConnectionsChecked(true);
+  stage->Modified();
+  stage->Update();
+  EXPECT_TRUE(stage->GetWarnings().empty()) << "told by the one who checked";
+
+  vtkObject::GlobalWarningDisplayOff();
+  stage->ConnectInput("guide", source, "depth");
+  stage->Update();
+  EXPECT_EQ(stage->GetErrorText(), "input \"guide\": \"depth\" has 1 component, wanted are 2, 3 or 5");
+  EXPECT_EQ(stage->Executed, 2) << "not with a mistake";
+  stage->SetInputArray(1, 1, "normal");
+  stage->ConnectInput("guide", source, "normal");
+  stage->Update();
+  EXPECT_EQ(stage->GetErrorText(), "input \"guide\": 3 connections, at most 2 are possible; two are enough");
+  vtkObject::GlobalWarningDisplayOn();
+
+  // What a stock image's producer can make, nobody knows.
+  vtkNew<vtkImageData> image;
+  image->SetDimensions(2, 2, 1);
+  image->AllocateScalars(VTK_FLOAT, 3);
+  vtkNew<vtkQuellTestChoosy> behind;
+  behind->SetInputDataObject(0, image);
+  behind->Update();
+  EXPECT_EQ(behind->GetErrorText(), "");
+  EXPECT_TRUE(behind->GetWarnings().empty());
+}
+
 TEST(Stage, WorksBehindAStockFilter)
 {
   vtkNew<vtkQuellTestSource> source;

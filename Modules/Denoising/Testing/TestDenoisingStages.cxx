@@ -25,6 +25,7 @@
 
 #include <array>
 #include <cfloat>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -197,6 +198,37 @@ TEST_P(EveryStage, ExecutesOnceAndNothingTheSecondTime)
   ASSERT_TRUE(sink->UpdateTick(0));
   EXPECT_EQ(stage->GetCounters().Executions, 1);
   EXPECT_EQ(source->Runs, 1);
+}
+
+// Bands overlap by the rows that later stages read: each pixel is counted once, and the last band tells of all.
+TEST_P(EveryStage, CountsAFrameMadeInBandsOnce)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  source->Change = [](const std::string& name, int x, int y, int, float v)
+  { return name != "id" && Hash(x, y, 0, name[0]) < 0.05f ? NaN : v; };
+  const auto run = [&](const std::vector<quell::Rect>& bands, std::vector<std::string>& told)
+  {
+    auto stage = Make(GetParam());
+    ConnectAll(stage, source);
+    vtkNew<vtkQuellCollector> sink;
+    for (const quell::Rect& band : bands)
+    {
+      sink->ClearRequests();
+      sink->AddRequest(stage, Outputs(stage), band);
+      EXPECT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+      told.push_back(stage->GetCountedWarning());
+      const std::vector<std::string>& all = stage->GetWarnings();
+      EXPECT_EQ(std::count(all.begin(), all.end(), told.back()), told.back().empty() ? 0 : 1);
+    }
+    return stage->GetCounters().NonFinite;
+  };
+  std::vector<std::string> whole, bands;
+  const std::int64_t pixels = run({ { 0, 0, 75, 70 } }, whole);
+  EXPECT_GT(pixels, 0);
+  EXPECT_EQ(whole.back().find(std::to_string(pixels) + " pixels of "), 0u) << whole.back();
+  EXPECT_EQ(run({ { 0, 45, 75, 70 }, { 0, 22, 75, 55 }, { 0, 0, 75, 32 } }, bands), pixels);
+  EXPECT_EQ(bands.back(), whole.back());
+  EXPECT_NE(bands.front(), whole.back());
 }
 
 TEST_P(EveryStage, RegionEqualsCropAndReadsItsHalo)
@@ -607,6 +639,27 @@ TEST(KernelFilter, FiltersTheNamedArraysWithTheColoursWeights)
   EXPECT_EQ(filter->GetCounters().NonFinite, 0) << "radiance itself was not asked for";
 }
 
+TEST(KernelFilter, TellsOfArraysThatTheInputLacks)
+{
+  vtkNew<vtkQuellNoisyFrame> source;
+  for (const char* type : { "KernelFilter", "BilateralFilter" })
+  {
+    auto filter = Make(type);
+    std::string error;
+    ASSERT_TRUE(filter->SetPropertyText("Arrays", "radiance albdo normal", error)) << error;
+    ASSERT_TRUE(filter->SetPropertyText("Radius", "1", error)) << error;
+    filter->ConnectInput("radiance", source);
+    filter->Update();
+    EXPECT_EQ(filter->GetErrorText(), "");
+    ASSERT_EQ(filter->GetWarnings().size(), 1u);
+    EXPECT_EQ(filter->GetWarnings()[0],
+      "input \"radiance\": Arrays names \"albdo\", which is not there; did you mean \"albedo\"?");
+    ASSERT_TRUE(filter->SetPropertyText("Arrays", "albedo", error)) << error;
+    filter->Update();
+    EXPECT_TRUE(filter->GetWarnings().empty());
+  }
+}
+
 TEST(KernelFilter, RefusesWhatMakesNoSense)
 {
   Quiet quiet;
@@ -713,7 +766,26 @@ TEST(BilateralFilter, ExplainsMistakesInGuides)
       }),
     "needs input \"normal\"");
   EXPECT_PRED2(
-    has, error([&](auto* f) { f->ConnectInput("guideVariance", source, "variance"); }), "does not say of which guide");
+    has, error([&](auto* f) { f->ConnectInput("guideVariance", source, "variance"); }), "no guide is connected");
+  EXPECT_EQ(error(
+              [&](auto* f)
+              {
+                f->ConnectInput("guide", source, "albedo");
+                f->ConnectInput("guide", source, "normal");
+                f->ConnectInput("guideVariance", source, "variance");
+              }),
+    "input \"guideVariance\": \"variance\" does not say of which guide it is; say it with guide=\"albedo\"; guides: "
+    "albedo, normal");
+  EXPECT_EQ(error(
+              [&](auto* f)
+              {
+                f->ConnectInput("guide", source, "albedo");
+                f->ConnectInput("guide", source, "albedo");
+                f->ConnectInput("guideVariance", source, "variance");
+                std::string e;
+                f->SetInputAttribute(7, 0, "guide", "albedo", e);
+              }),
+    "input \"guideVariance\": several guides are called \"albedo\"; give each a name=\"...\" of its own");
   EXPECT_PRED2(has,
     error(
       [&](auto* f)
@@ -740,7 +812,7 @@ TEST(BilateralFilter, ExplainsMistakesInGuides)
         std::string e;
         f->SetInputAttribute(6, 0, "distance", "Normal", e);
       }),
-    "1 components");
+    "\"depth\" has 1 component, distance Normal compares 3; for one component there are Euclidean, LogDepth and Id");
   vtkNew<vtkQuellBilateralFilter> filter;
   std::string text;
   EXPECT_FALSE(filter->SetInputAttribute(6, 0, "distance", "near", text));
@@ -812,18 +884,18 @@ TEST(NonLocalStages, ExplainMistakes)
   stage->ConnectInput("radiance", source);
   stage->ConnectInput("halfA", source);
   stage->Update();
-  EXPECT_PRED2(has, stage->GetErrorText(), "want each other");
+  EXPECT_EQ(stage->GetErrorText(), "input \"halfA\": wants input \"halfB\" too; one half alone is no use");
   stage = Make("RegressionFilter");
   stage->ConnectInput("radiance", source);
   for (const char* array : { "radiance", "albedo", "normal", "position" })
     stage->ConnectInput("feature", source, array);
   stage->Update();
-  EXPECT_PRED2(has, stage->GetErrorText(), "12 components together");
+  EXPECT_PRED2(has, stage->GetErrorText(), "input \"feature\": the features have 12 components together");
   stage = Make("NonLocalMeans");
   stage->ConnectInput("radiance", source);
   stage->ConnectInput("guideVariance", source);
   stage->Update();
-  EXPECT_PRED2(has, stage->GetErrorText(), "does not say of which guide");
+  EXPECT_PRED2(has, stage->GetErrorText(), "no guide is connected");
   std::string error;
   const int guide = stage->GetDescription().InputIndex("guide");
   EXPECT_FALSE(stage->SetInputAttribute(guide, 0, "least", "0", error));
@@ -1015,8 +1087,8 @@ void ExpectWeightsMakePixels(vtkQuellStage* filter, vtkQuellNoisyFrame* source, 
     EXPECT_NEAR(sum, 1, 2e-6) << p.first << ", " << p.second;
     const std::array<double, 3> made = Weighed(weights, in);
     for (int c = 0; c < 3; ++c)
-      EXPECT_NEAR(made[std::size_t(c)], double(out.at(p.first, p.second)[c]),
-        1e-5 * double(out.at(p.first, p.second)[c]))
+      EXPECT_NEAR(
+        made[std::size_t(c)], double(out.at(p.first, p.second)[c]), 1e-5 * double(out.at(p.first, p.second)[c]))
         << p.first << ", " << p.second << " channel " << c;
   }
   quell::PixelWeights none;

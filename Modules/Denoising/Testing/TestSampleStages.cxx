@@ -28,10 +28,7 @@ public:
   vtkSetClampMacro(Sample, int, 0, 1000);
   vtkGetMacro(Sample, int);
 
-  float Uniform(int x, int y, int c) const
-  {
-    return PixelNoise(x, y, c * 131 + this->Sample + 7);
-  }
+  float Uniform(int x, int y, int c) const { return PixelNoise(x, y, c * 131 + this->Sample + 7); }
 
 protected:
   vtkQuellWallSample() { this->InitializePorts(); }
@@ -132,7 +129,7 @@ TEST(SampleStages, EachSampleNeedsItsOwnGuides)
   filter->ConnectInput("radiance", b);
   filter->ConnectInput("id", a);
   filter->Update();
-  EXPECT_NE(filter->GetErrorText().find("\"id\" has 1 connections, radiance has 2"), std::string::npos)
+  EXPECT_NE(filter->GetErrorText().find("\"id\": 1 connection, but \"radiance\" has 2 connections"), std::string::npos)
     << filter->GetErrorText();
   filter->ConnectInput("id", b);
   filter->Update();

@@ -242,6 +242,45 @@ protected:
   }
 };
 
+/// Takes any number of guides with names; objects to those called "bad", and to a frame without "weight".
+class vtkQuellTestGuided : public vtkQuellStage
+{
+public:
+  QUELL_STAGE(vtkQuellTestGuided);
+  bool SetInputAttribute(
+    int port, int connection, const std::string& name, const std::string& value, std::string& error) override
+  {
+    if (name != "name")
+      return this->vtkQuellStage::SetInputAttribute(port, connection, name, value, error);
+    this->Names[connection] = value;
+    return true;
+  }
+  void CheckConnections(quell::ConnectionCheck& check) const override
+  {
+    for (int c = 0; c < check.Count(1); ++c)
+    {
+      const auto named = this->Names.find(c);
+      if (named != this->Names.end() && named->second == "bad")
+        check.Error(1, c,
+          "guide " + std::to_string(c) + " (" + check.At(1, c).Array + ", " + std::to_string(check.At(1, c).Components) +
+            ") is bad",
+          "be good");
+    }
+    std::vector<quell::OutputArray> arrays;
+    bool weight = !check.At(0, 0).Holds(arrays);
+    for (const quell::OutputArray& a : arrays)
+      weight = weight || a.Name == "weight";
+    if (!weight)
+      check.Warn(-1, 0, "there is no weight");
+  }
+
+protected:
+  vtkQuellTestGuided() { this->InitializePorts(); }
+
+private:
+  std::map<int, std::string> Names;
+};
+
 /// A reader: its arrays are known only from its file's name ("missing" fails).
 class vtkQuellTestReader : public vtkQuellStage
 {
@@ -366,11 +405,12 @@ inline vtkStandardNewMacro(vtkQuellTestBox);
 inline vtkStandardNewMacro(vtkQuellTestAccumulate);
 inline vtkStandardNewMacro(vtkQuellTestMix);
 inline vtkStandardNewMacro(vtkQuellTestSum);
+inline vtkStandardNewMacro(vtkQuellTestGuided);
 inline vtkStandardNewMacro(vtkQuellTestReader);
 inline vtkStandardNewMacro(vtkQuellImageWriter);
 inline vtkStandardNewMacro(vtkQuellDisplayTransform);
 inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSource) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestBox) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestAccumulate) inline QUELL_STAGE_DESCRIPTION(
-  vtkQuellTestMix) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSum) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestReader) inline QUELL_STAGE_DESCRIPTION(vtkQuellImageWriter) inline QUELL_STAGE_DESCRIPTION(vtkQuellDisplayTransform)
+  vtkQuellTestMix) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestSum) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestGuided) inline QUELL_STAGE_DESCRIPTION(vtkQuellTestReader) inline QUELL_STAGE_DESCRIPTION(vtkQuellImageWriter) inline QUELL_STAGE_DESCRIPTION(vtkQuellDisplayTransform)
 
   inline void vtkQuellTestSource::Describe(quell::StageDescription& d)
 {
@@ -431,6 +471,13 @@ inline void vtkQuellTestSum::Describe(quell::StageDescription& d)
   d.RepeatableInput("radiance", ArrayKind::Color, "radiance", "terms");
   d.Output("radiance", ArrayKind::Color, "sum");
 }
+inline void vtkQuellTestGuided::Describe(quell::StageDescription& d)
+{
+  d.Input("radiance", quell::ArrayKind::Color, "radiance", "");
+  d.RepeatableInput("guide", quell::ArrayKind::Any, "albedo", "").Attribute("name", "");
+  d.Inputs[1].Optional = true;
+  d.Output("radiance", quell::ArrayKind::Color, "");
+}
 inline void vtkQuellTestReader::Describe(quell::StageDescription& d)
 {
   using Self = vtkQuellTestReader;
@@ -468,6 +515,7 @@ inline const quell::StageRegistry& Registry()
     r.Add<vtkQuellTestAccumulate>();
     r.Add<vtkQuellTestMix>();
     r.Add<vtkQuellTestSum>();
+    r.Add<vtkQuellTestGuided>();
     r.Add<vtkQuellTestReader>();
     r.Add<vtkQuellImageWriter>();
     r.Add<vtkQuellDisplayTransform>();

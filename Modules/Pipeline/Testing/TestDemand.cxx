@@ -400,7 +400,8 @@ TEST_F(Explain, ThePlanIsWhatRuns)
                             "    set: File=b.####.exr\n"
                             "    layer <- blur:radiance\n"
                             "cost of a frame: 4 stages, 2920 stage pixels, 34.6 kB of arrays\n"
-                            "memory: 46.1 kB of arrays with what is kept of the frame before\n");
+                            "memory: about 170.0 MB, scenes not counted: 46.1 kB of arrays with what is kept of the frame "
+                            "before, 0 B of scratch, 170.0 MB the program\n");
   EXPECT_NE(
     PlanDot(plan).find("\"blur\" -> \"acc\" [label=\"radiance\", style=dashed, constraint=false];"), std::string::npos);
 }

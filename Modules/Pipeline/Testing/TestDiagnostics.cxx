@@ -437,3 +437,39 @@ TEST(Diagnostics, ABadPropertyDoesNotHideOtherMistakes)
   EXPECT_NE(text.find("no property \"Bogus\""), std::string::npos) << text;
   EXPECT_NE(text.find("did you mean \"radiance\"?"), std::string::npos) << text;
 }
+
+TEST(Diagnostics, StagesJudgeTheirConnectionsTogether)
+{
+  const std::string r = "<node id=\"r\" type=\"TestReader\"><property name=\"File\" value=\"x\"/></node>\n";
+  const auto guided = [&r](const std::string& guides, const std::string& from = "r:radiance")
+  {
+    return Messages(r + "<node id=\"g\" type=\"TestGuided\"><input port=\"radiance\" from=\"" + from + "\"/>\n" +
+                    guides + "</node>\n<output name=\"o\" from=\"g\"/>");
+  };
+  const std::string good = "<input port=\"guide\" from=\"r:weight\" name=\"good\"/>\n";
+  EXPECT_EQ(guided(good), "");
+  // All mistakes, each at its connection; those left out are not among the connections.
+  EXPECT_EQ(guided("<input port=\"guide\" from=\"r:surface\" name=\"bad\" optional=\"1\"/>\n" + good),
+    "p.xml:2:1: warning: node \"r\" (TestReader): has no surface: g does without\n");
+  EXPECT_EQ(guided("<input port=\"guide\" from=\"r:surface\" name=\"bad\" optional=\"1\"/>\n" + good +
+                   "<input port=\"guide\" from=\"r:foreign\" name=\"bad\"/>\n<input port=\"guide\" from=\"r:weight\" "
+                   "name=\"bad\"/>\n"),
+    "p.xml:6:1: error: node \"g\" (TestGuided): input \"guide\": guide 1 (foreign, 3) is bad; be good\n"
+    "p.xml:7:1: error: node \"g\" (TestGuided): input \"guide\": guide 2 (weight, 1) is bad; be good\n");
+  // What may follow from another mistake is not told.
+  EXPECT_EQ(guided("<input port=\"guide\" from=\"r:nothing\"/>\n<input port=\"guide\" from=\"r\" name=\"bad\"/>\n"),
+    "p.xml:4:21: error: node \"g\" (TestGuided): input \"guide\": node \"r\" has no output \"nothing\"; it has "
+    "radiance, foreign, weight; with optional=\"1\" the stage does without\n");
+  // About the stage as a whole, and in a template.
+  const std::string pt = "<node id=\"pt\" type=\"TestSource\"/>\n";
+  EXPECT_EQ(Messages(pt + "<node id=\"g\" type=\"TestGuided\"><input port=\"radiance\" from=\"pt\"/></node>\n"
+                          "<output name=\"o\" from=\"g\"/>"),
+    "p.xml:3:1: warning: node \"g\" (TestGuided): there is no weight\n");
+  EXPECT_EQ(
+    Messages(r + "<template name=\"t\"><port name=\"in\"/><node id=\"g\" type=\"TestGuided\"><input "
+                 "port=\"radiance\" from=\"@in\"/>\n<input port=\"guide\" from=\"@in\" name=\"bad\"/></node><port "
+                 "name=\"out\" from=\"g\"/></template>\n<instance id=\"i\" template=\"t\"><input port=\"in\" "
+                 "from=\"r:foreign\"/></instance>\n<output name=\"o\" from=\"i\"/>"),
+    "p.xml:4:1: error: node \"g\" (TestGuided): input \"guide\": guide 0 (foreign, 3) is bad; be good\n"
+    "  in instance \"i\" at p.xml:5:1, from template \"t\" at p.xml:3:1\n");
+}
