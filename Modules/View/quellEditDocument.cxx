@@ -178,22 +178,33 @@ bool EditDocument::Save(const std::string& file, std::string& error)
     error = "the pipeline has no file yet";
     return false;
   }
+  const State before = this->Now;
+  const auto undone = this->Undone, redone = this->Redone;
   if (this->Path != file)
   {
     this->MovePaths(fs::path(file).parent_path().string());
   }
   const std::string text = this->Text();
   const std::string temporary = file + ".saving";
+  // What was not saved stays as it was, its paths seen from where it is.
+  const auto fail = [&](const std::string& why)
+  {
+    error = "cannot write " + file + ": " + why;
+    std::error_code ignored;
+    fs::remove(temporary, ignored);
+    this->Now = before;
+    this->Undone = undone;
+    this->Redone = redone;
+    ++this->Count;
+    return false;
+  };
   {
     std::ofstream stream(temporary, std::ios::binary);
     stream << text;
     stream.close();
     if (!stream)
     {
-      error = "cannot write " + file + ": " + std::strerror(errno);
-      std::error_code ec;
-      fs::remove(temporary, ec);
-      return false;
+      return fail(std::strerror(errno));
     }
   }
   std::error_code ec;
@@ -205,9 +216,7 @@ bool EditDocument::Save(const std::string& file, std::string& error)
   fs::rename(temporary, file, ec);
   if (ec)
   {
-    error = "cannot write " + file + ": " + ec.message();
-    fs::remove(temporary, ec);
-    return false;
+    return fail(ec.message());
   }
   this->SavedText = text;
   this->SavedPositions = this->Now.Positions;

@@ -268,8 +268,16 @@ TEST(EditDocument, SavedElsewherePathsLeadToTheSameFiles)
   std::vector<Diagnostic> messages;
   ASSERT_TRUE(again.Open(file.string(), messages));
   EXPECT_EQ(Errors(again), 0);
+  // A save that fails leaves the paths as they are seen from where the document is.
+  const auto document = d.Get();
+  const std::string text = d.Text(), undo = d.UndoLabel();
   EXPECT_FALSE(d.Save("/nowhere/at/all.xml", error));
   EXPECT_NE(error.find("/nowhere/at/all.xml"), std::string::npos);
+  EXPECT_EQ(d.Get(), document);
+  EXPECT_EQ(d.Text(), text);
+  EXPECT_EQ(d.UndoLabel(), undo);
+  EXPECT_FALSE(d.IsDirty());
+  EXPECT_EQ(Errors(d), 0);
   EXPECT_FALSE(EditDocument().Save("", error));
 }
 
