@@ -570,6 +570,10 @@ void Viewer::TakeResults()
 {
   if (this->Doc.Get()->Nodes.empty())
   {
+    // Nothing of the graph that was here stays on the screen.
+    this->Checked.reset();
+    this->Presented.reset();
+    this->TexturesOf = 0;
     return;
   }
   this->Checked = this->Session->Checked();

@@ -860,6 +860,14 @@ std::uint64_t RenderSession::Wish(const ViewWish& wish)
       in.Wanted = wish;
       return in.Serial;
     }
+    // Stopped stays stopped until something else is wished for: a viewer wishes the same again with every paint.
+    ViewWish still = wish;
+    still.Play = in.Wanted.Play;
+    still.Paused = in.Wanted.Paused;
+    if (in.Serial > 0 && in.Stopped && !wish.Play && SameView(in.Wanted, still))
+    {
+      return in.Serial;
+    }
     in.Wanted = wish;
     in.Stopped = false;
     serial = ++in.Serial;

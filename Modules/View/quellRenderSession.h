@@ -133,7 +133,7 @@ public:
   /// Asks for the weights of a pixel of the newest frame, again whenever there is a newer one; no node: not any more.
   void Weigh(const std::string& node, int x, int y);
   std::shared_ptr<const ViewWeights> Weights() const; ///< null before the first
-  /// Gives up what runs and waits for another wish.
+  /// Gives up what runs and waits for another wish; the same once more (or one that only does not play) is none.
   void Cancel();
   std::shared_ptr<const ViewFrame> Latest() const; ///< null before the first
   std::shared_ptr<const ViewCheck> Checked() const;

@@ -291,7 +291,7 @@ TEST_F(Security, SizesAloneDoNotFillTheMemory)
         "from=\"t:radiance\" file=\"x.exr\"/>");
   refuse(history, { "--set", "pt.Width=" + size, "--set", "pt.Height=" + size }, 2, "--memory MB allows more");
   refuse(history, { "--set", "pt.Width=2048", "--set", "pt.Height=2048", "--memory", "50" }, 2,
-    "--memory 50: the arrays need ");
+    "--memory 50: the run needs ");
   // Many arrays of a large frame.
   std::string layers = "<output name=\"o\" from=\"pt\" file=\"x.exr\">";
   for (int i = 1; i <= 64; ++i)

@@ -152,8 +152,8 @@ cat >&3 <<TEXT
 ## One frame, many renderers
 
 The two pipelines for single files, with their default settings, on every frame with a reference that is at hand:
-relMSE@0.1%. They are one template: \`denoise-pbrt.xml\` takes differences of albedo up to 0.1 for noise, \`denoise-file.xml\`
-up to 0.03. The constants were chosen on the whole table, not on one of its rows. Alpha and roughness, where the file has
+relMSE@0.1%. They are one template; \`denoise-pbrt.xml\` filters albedo and normals before it, and takes differences of albedo up
+to 0.1 for noise. The constants were chosen on the whole table, not on one of its rows. Alpha and roughness, where the file has
 them, are guides: without alpha the light of a surface would be spread to pixels that the background covers in part, without
 roughness a pattern that only roughness has would be lost in the highlights.
 

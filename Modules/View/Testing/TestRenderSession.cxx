@@ -345,6 +345,16 @@ TEST(RenderSession, CancelEndsAFrameThatWouldTakeMinutes)
   f.Session.Cancel();
   EXPECT_TRUE(f.Session.WaitIdle(20));
   EXPECT_TRUE(f.Session.Latest() == nullptr);
+  // The same wish again, as every paint of a viewer has it, does not start it again.
+  for (int i = 0; i < 3; ++i)
+  {
+    f.Session.Wish(f.Wish);
+    EXPECT_TRUE(f.Session.WaitIdle(0));
+  }
+  f.Wish.Paused = true;
+  f.Session.Wish(f.Wish);
+  EXPECT_TRUE(f.Session.WaitIdle(0));
+  f.Wish.Paused = false;
   // And the next wish is served.
   f.Wish.Options = Small(1);
   EXPECT_TRUE(f.Run()->Ok);
