@@ -478,8 +478,12 @@ void Viewer::UpdateWish()
 {
   if (this->Doc.Get()->Nodes.empty())
   {
+    // Nothing of the graph that was here stays on the screen.
     this->Shown.reset();
     this->LastGood.reset();
+    this->Checked.reset();
+    this->Presented.reset();
+    this->TexturesOf = 0;
     return;
   }
   this->ChooseDefaultTarget();
@@ -570,10 +574,6 @@ void Viewer::TakeResults()
 {
   if (this->Doc.Get()->Nodes.empty())
   {
-    // Nothing of the graph that was here stays on the screen.
-    this->Checked.reset();
-    this->Presented.reset();
-    this->TexturesOf = 0;
     return;
   }
   this->Checked = this->Session->Checked();

@@ -715,11 +715,11 @@ std::string EditDocument::AdoptTemplate(const std::string& name, std::string& er
   return made;
 }
 
-bool EditDocument::AddTemplateInput(
-  const std::string& scope, const std::string& name, const std::string& type, std::string& error)
+namespace
 {
-  PipelineDocument& d = this->Begin();
-  PipelineTemplate* t = this->EditTemplate(d, scope);
+/// `t`: null where the template cannot be edited.
+bool CanAddPort(const PipelineTemplate* t, const std::string& name, std::string& error)
+{
   const auto named = [&name](const PipelinePort& p) { return p.Name.Value == name; };
   if (!t || !IsPipelineName(name) || std::any_of(t->Inputs.begin(), t->Inputs.end(), named) ||
       std::any_of(t->Outputs.begin(), t->Outputs.end(), named))
@@ -727,6 +727,19 @@ bool EditDocument::AddTemplateInput(
     error = !t                      ? "this template belongs to another file"
             : !IsPipelineName(name) ? Quoted(name) + " is no name: letters, digits, _ and -, beginning with a letter"
                                     : "there is a port " + Quoted(name) + " already";
+    return false;
+  }
+  return true;
+}
+}
+
+bool EditDocument::AddTemplateInput(
+  const std::string& scope, const std::string& name, const std::string& type, std::string& error)
+{
+  PipelineDocument& d = this->Begin();
+  PipelineTemplate* t = this->EditTemplate(d, scope);
+  if (!CanAddPort(t, name, error))
+  {
     return false;
   }
   PipelinePort port;
@@ -743,13 +756,8 @@ bool EditDocument::AddTemplateOutput(
 {
   PipelineDocument& d = this->Begin();
   PipelineTemplate* t = this->EditTemplate(d, scope);
-  const auto named = [&name](const PipelinePort& p) { return p.Name.Value == name; };
-  if (!t || !IsPipelineName(name) || std::any_of(t->Inputs.begin(), t->Inputs.end(), named) ||
-      std::any_of(t->Outputs.begin(), t->Outputs.end(), named))
+  if (!CanAddPort(t, name, error))
   {
-    error = !t                      ? "this template belongs to another file"
-            : !IsPipelineName(name) ? Quoted(name) + " is no name: letters, digits, _ and -, beginning with a letter"
-                                    : "there is a port " + Quoted(name) + " already";
     return false;
   }
   PipelinePort port;

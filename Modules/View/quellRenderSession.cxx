@@ -33,11 +33,16 @@ bool SameOptions(const GraphOptions& a, const GraphOptions& b)
 }
 
 /// What a wish changes beside the ways to get there.
-bool SameView(const ViewWish& a, const ViewWish& b)
+bool SamePicture(const ViewWish& a, const ViewWish& b)
 {
   return a.Document == b.Document && SameOptions(a.Options, b.Options) && a.Tick == b.Tick && a.Targets == b.Targets &&
          a.AllArrays == b.AllArrays && a.CameraSerial == b.CameraSerial && a.Refine == b.Refine &&
-         bool(a.Camera) == bool(b.Camera) && a.Paused == b.Paused && a.Play == b.Play;
+         bool(a.Camera) == bool(b.Camera);
+}
+
+bool SameView(const ViewWish& a, const ViewWish& b)
+{
+  return SamePicture(a, b) && a.Paused == b.Paused && a.Play == b.Play;
 }
 }
 
@@ -855,17 +860,10 @@ std::uint64_t RenderSession::Wish(const ViewWish& wish)
   {
     std::lock_guard<std::mutex> lock(this->Internal->Mutex);
     Internals& in = *this->Internal;
-    if (in.Serial > 0 && !in.Stopped && SameView(in.Wanted, wish))
+    // Stopped stays stopped until something else is wished for: a viewer wishes the same again with every paint.
+    if (in.Serial > 0 && (in.Stopped ? !wish.Play && SamePicture(in.Wanted, wish) : SameView(in.Wanted, wish)))
     {
       in.Wanted = wish;
-      return in.Serial;
-    }
-    // Stopped stays stopped until something else is wished for: a viewer wishes the same again with every paint.
-    ViewWish still = wish;
-    still.Play = in.Wanted.Play;
-    still.Paused = in.Wanted.Paused;
-    if (in.Serial > 0 && in.Stopped && !wish.Play && SameView(in.Wanted, still))
-    {
       return in.Serial;
     }
     in.Wanted = wish;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The program itself, told to stop in the middle of a long render: SIGINT when its first progress line shows.
+#include "RunProgram.h"
 #include "quellFrameFacts.h"
 #include "quellImageFile.h"
 #include "vtkFieldData.h"
@@ -9,14 +10,11 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
-#include <fcntl.h>
 #include <fstream>
 #include <string>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <vector>
 
@@ -24,59 +22,25 @@ namespace fs = std::filesystem;
 
 namespace
 {
-struct Outcome
-{
-  int Status = -1; ///< exit status; -1: ended by a signal
-  std::string Said;
-};
-
 /// Runs quell in `directory`; sends `signals` interrupts, the first one at the first line that holds `trigger`, each
 /// further one at the program's answer to the one before.
 Outcome Start(
   const fs::path& directory, std::vector<std::string> arguments, const char* trigger = nullptr, int signals = 0)
 {
-  int ends[2];
-  if (pipe(ends) != 0)
-    return {};
-  arguments.insert(arguments.begin(), QUELL_PROGRAM);
-  std::vector<char*> argv;
-  for (std::string& a : arguments)
-    argv.push_back(&a[0]);
-  argv.push_back(nullptr);
-  const pid_t child = fork();
-  if (child == 0)
-  {
-    dup2(ends[1], STDOUT_FILENO);
-    dup2(ends[1], STDERR_FILENO);
-    close(ends[0]);
-    close(ends[1]);
-    if (chdir(directory.c_str()) == 0)
-      execv(argv[0], argv.data());
-    _exit(127);
-  }
-  close(ends[1]);
-  Outcome outcome;
-  std::array<char, 512> buffer;
-  ssize_t n;
   std::size_t from = 0;
   std::string awaited = trigger ? trigger : "";
-  while ((n = read(ends[0], buffer.data(), buffer.size())) > 0)
-  {
-    outcome.Said.append(buffer.data(), std::size_t(n));
-    const std::size_t at = signals > 0 ? outcome.Said.find(awaited, from) : std::string::npos;
-    if (at != std::string::npos)
+  return RunQuell(directory, std::move(arguments), {},
+    [&](pid_t child, const std::string& said)
     {
-      kill(child, SIGINT);
-      --signals;
-      from = at + 1;
-      awaited = "finishing this frame";
-    }
-  }
-  close(ends[0]);
-  int status = 0;
-  waitpid(child, &status, 0);
-  outcome.Status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return outcome;
+      const std::size_t at = signals > 0 ? said.find(awaited, from) : std::string::npos;
+      if (at != std::string::npos)
+      {
+        kill(child, SIGINT);
+        --signals;
+        from = at + 1;
+        awaited = "finishing this frame";
+      }
+    });
 }
 
 class Interrupt : public testing::Test
@@ -167,7 +131,7 @@ TEST_F(Interrupt, WhatIsSampledIsWrittenAndGoesOn)
 
   // what both runs made is the picture of that many samples, bit for bit
   const Outcome whole = Start(this->Directory, { "run", "box.xml", "-D", "spp=" + std::to_string(more), "--output",
-                                               "beauty=whole.exr", "--out", "other", "--quiet" });
+                                                 "beauty=whole.exr", "--out", "other", "--quiet" });
   ASSERT_EQ(whole.Status, 0) << whole.Said;
   const std::vector<float> a = this->Layer("beauty.exr", "radiance"), b = this->Layer("other/whole.exr", "radiance");
   ASSERT_EQ(a.size(), 24u * 16u * 3u);
