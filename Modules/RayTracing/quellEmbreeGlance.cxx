@@ -68,7 +68,7 @@ void EmbreeScene::LookAtParts()
     const Part& part = this->Parts[i];
     const Material& m = this->Source->Materials[std::size_t(part.Material)];
     const Surface& surface = this->Surfaces[std::size_t(part.Material)];
-    const bool still = part.Kind == Placement::Flat;
+    const bool still = part.InPlace;
     Glance& g = this->Glances[i];
     g.Points = part.Points;
     g.Corners = part.Corners;

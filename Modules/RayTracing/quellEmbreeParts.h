@@ -280,6 +280,12 @@ inline bool Far(const Vec3d& lower, const Vec3d& upper)
   return Length(lower + upper) * 0.5 > 2 * Length(upper - lower);
 }
 
+/// Whether positions rounded to float change the shape of what is in the box by more than 1e-4.
+inline bool Rounded(const Vec3d& lower, const Vec3d& upper)
+{
+  return Length(lower + upper) * 0.5 > 1000 * Length(upper - lower);
+}
+
 /// Embree reads 16 bytes where a vertex has 12: the last one needs something behind it.
 inline const Vec3f* Padded(const std::vector<Vec3f>& positions)
 {

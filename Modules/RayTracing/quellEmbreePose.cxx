@@ -16,7 +16,7 @@ void EmbreeScene::SetShutter(double open, double close)
 
 void EmbreeScene::SetTime(double time, double previous)
 {
-  const bool first = !this->Posed;
+  const bool first = !this->HasPose;
   if (!first && !this->Has.Animated)
     return;
   const double start = Seconds();
@@ -62,7 +62,7 @@ void EmbreeScene::SetTime(double time, double previous)
   this->LookAtParts();
   this->PosedOpen = this->ShutterOpen;
   this->PosedClose = this->ShutterClose;
-  this->Posed = true;
+  this->HasPose = true;
   w.PoseSeconds = Seconds() - start;
   w.BuildSteps = this->MovingSteps;
   if (first)
@@ -184,7 +184,7 @@ void EmbreeScene::Attach(Part& part, std::size_t index, Part::Built form, int st
     return;
   if (part.Handle)
   {
-    rtcDetachGeometry(this->Moving, unsigned(index));
+    rtcDetachGeometry(this->Posed, unsigned(index));
     rtcReleaseGeometry(part.Handle);
   }
   part.Form = form;
@@ -203,7 +203,7 @@ void EmbreeScene::Attach(Part& part, std::size_t index, Part::Built form, int st
     rtcSetGeometryBuildQuality(
       part.Handle, form == Part::Built::Refitted ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM);
   }
-  rtcAttachGeometryByID(this->Moving, part.Handle, unsigned(index));
+  rtcAttachGeometryByID(this->Posed, part.Handle, unsigned(index));
   part.Shown = true;
 }
 
@@ -222,6 +222,7 @@ void EmbreeScene::PosePart(Part& part, const ScenePose& pose, const ScenePose& p
   const std::size_t n = mesh.Positions.size();
   const int segments = part.Open.Segments, step = segments > 0 ? ShutterGrid / segments : 0;
   const Placement before = part.Kind;
+  part.InPlace = false;
   const bool first = part.Form == Part::Built::Nothing;
   std::vector<Mat4> places;
   if (!part.Deforms)
@@ -255,15 +256,29 @@ void EmbreeScene::PosePart(Part& part, const ScenePose& pose, const ScenePose& p
       return;
     if (usable)
     {
-      change.Any |= before != Placement::Rigid;
-      part.Kind = Placement::Rigid;
-      part.Points = &body.Points->x;
       part.Normals = mesh.Normals.size() == n ? mesh.Normals.data() : nullptr;
       part.Tangents = mesh.Tangents.size() == n ? mesh.Tangents.data() : nullptr;
       part.FlipTangents = part.Mirrored;
       NormalMatrix(part.World, part.ToNormal);
       for (int c = 0; c < 8; ++c)
         Extend(place.Point(BoxCorner(body.Lower, body.Upper, c)), part.Lower, part.Upper);
+      part.InPlace = this->BakesRigid && segments == 0 && !Rounded(part.Lower, part.Upper);
+      part.Kind = part.InPlace ? Placement::Baked : Placement::Rigid;
+      change.Any |= before != part.Kind;
+      if (!part.InPlace)
+      {
+        part.Points = &body.Points->x;
+        return;
+      }
+      const auto bake = [&](const Mat4& m, std::vector<Vec3f>& points)
+      {
+        points.resize(n + 1);
+        for (std::size_t i = 0; i < n; ++i)
+          points[i] = Vec3f(m.Point(Vec3d(body.Points[i])));
+      };
+      bake(place, change.Now);
+      if (part.Moved)
+        bake(then, part.PreviousPoints);
       return;
     }
   }
@@ -276,7 +291,7 @@ void EmbreeScene::PosePart(Part& part, const ScenePose& pose, const ScenePose& p
   part.World = Mat4();
   part.FlipTangents = false;
   NormalMatrix(part.World, part.ToNormal);
-  const bool wasBaked = before == Placement::Baked && !first;
+  const bool wasBaked = part.Deforms && before == Placement::Baked && !first;
   if (continues && wasBaked)
     part.PreviousPoints = part.OwnPoints;
   else
@@ -346,7 +361,7 @@ bool EmbreeScene::PoseMoving(const ScenePose& pose, const ScenePose& previous, b
     changes[k].Any = true;
   }
   if (fresh)
-    rtcCommitScene(this->Moving);
+    rtcCommitScene(this->Posed);
 
   bool changed = false, lights = false;
   for (std::size_t k = 0; k < changes.size(); ++k)
@@ -410,8 +425,9 @@ bool EmbreeScene::PoseMoving(const ScenePose& pose, const ScenePose& previous, b
     ++w.Committed;
   }
   if (changed || fresh)
+    rtcCommitScene(this->Posed);
+  if (this->Moving && (changed || fresh))
   {
-    rtcCommitScene(this->Moving);
     rtcGetSceneBounds(this->Moving, &this->MovingBox);
     // Wider by more than what rounding can do to slabs, and never flat.
     const auto widen = [](float& low, float& high)

@@ -195,25 +195,43 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Scene> scene, const Options& opti
     }
     this->BakeStill(part, i, rest);
   }
+  this->HouseMovers();
   rtcCommitScene(this->Rtc);
-  if (!this->Movers.empty())
+  Check(this->Device);
+  this->Work.BuildSeconds = Seconds() - start;
+}
+
+/// Where the parts that move will live.
+void EmbreeScene::HouseMovers()
+{
+  if (this->Movers.empty())
+    return;
+  std::int64_t rigid = 0, all = 0;
+  for (const Part& part : this->Parts)
   {
-    this->Moving = rtcNewScene(this->Device);
+    const std::int64_t own =
+      std::int64_t(part.Moves && !part.Deforms ? this->Bodies[std::size_t(part.Body)].Triangles : part.Triangles);
+    rigid += part.Moves && !part.Deforms ? own : 0;
+    all += own;
+  }
+  this->BakesRigid = rigid <= this->Settings.RebuiltTriangles;
+  this->Posed = this->Rtc;
+  if (all > this->Settings.RebuiltTriangles)
+  {
+    this->Posed = this->Moving = rtcNewScene(this->Device);
     rtcSetSceneFlags(this->Moving, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC));
     // Embree keeps a hierarchy per geometry, and looks at its own quality, in scenes of low quality only; in others it
     // builds one of all triangles at every commit, dynamic or not.
     rtcSetSceneBuildQuality(this->Moving, RTC_BUILD_QUALITY_LOW);
-    rtcSetSceneProgressMonitorFunction(
-      this->Moving,
-      [](void* self, double)
-      {
-        ++static_cast<EmbreeScene*>(self)->MovingSteps;
-        return true;
-      },
-      this);
   }
-  Check(this->Device);
-  this->Work.BuildSeconds = Seconds() - start;
+  rtcSetSceneProgressMonitorFunction(
+    this->Posed,
+    [](void* self, double)
+    {
+      ++static_cast<EmbreeScene*>(self)->MovingSteps;
+      return true;
+    },
+    this);
 }
 
 EmbreeScene::~EmbreeScene()
@@ -501,6 +519,7 @@ void EmbreeScene::BakeStill(Part& part, std::size_t index, const ScenePose& pose
   part.Upper = Vec3d(-1e300);
   if (part.Triangles == 0)
     return;
+  part.InPlace = true;
   Enclose(points, part.Corners, part.Triangles, part.Lower, part.Upper);
   part.Handle = rtcNewGeometry(this->Device, RTC_GEOMETRY_TYPE_TRIANGLE);
   part.Form = Part::Built::Rebuilt;

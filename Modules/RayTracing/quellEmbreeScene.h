@@ -65,7 +65,8 @@ struct SurfacePoint
 /// What never moves is baked into world space around a nearby origin and built once, as one hierarchy. What moves lives
 /// in a second one of two levels: rigid parts are instances of their mesh's own hierarchy, so that a new pose costs a
 /// matrix; parts that deform (skins, morph targets) are baked anew and their hierarchy, built at the pose of time 0,
-/// is refitted. Every picture is a function of the scene and the time: not of the poses before it.
+/// is refitted. Few triangles are baked and built anew instead (Options::RebuiltTriangles). Every picture is a function
+/// of the scene and the time: not of the poses before it.
 class VTKQUELLRAYTRACING_EXPORT EmbreeScene
 {
 public:
@@ -74,6 +75,10 @@ public:
     /// Meshes placed more than once by nodes that keep still are baked for every node, which is the fastest to trace,
     /// until these repetitions have more triangles than this in all; then they share one hierarchy each.
     std::int64_t RepeatedTriangles = 4000000;
+    /// Rigid parts that move, but not while the shutter is open, are baked for every pose where they have no more
+    /// triangles than this in all: rays then need no second space. A scene that has no more in all, still or not, is
+    /// built anew as one hierarchy for every pose: rays then need not ask two.
+    std::int64_t RebuiltTriangles = 16384;
     /// Chords of motion within the shutter stay within this fraction of the size of the part...
     double ChordError = 1e-4;
     /// ... as far as so many straight segments allow (powers of 2; at most 64).
@@ -255,6 +260,7 @@ private:
     bool Moves = false;    ///< may be elsewhere at another time
     bool Deforms = false;  ///< a matrix does not place it
     bool Moved = false;    ///< between the previous and this time
+    bool InPlace = false;  ///< Points are world positions at the time of every ray, and no triangle is without area
     bool Mirrored = false; ///< triangles are inside out: the cross product of their edges points inside
     bool AlphaTested = false, Pane = false, Textured = false, Plain = false;
     bool OneSided = false; ///< rays from behind pass
@@ -331,6 +337,7 @@ private:
   int MakeBody(int mesh, const Part& part);
   static void SetFilters(RTCGeometry geometry, const Part& part);
   void BakeStill(Part& part, std::size_t index, const ScenePose& pose);
+  void HouseMovers();
   struct Change; ///< what SetTime finds out about a moving part before Embree is told
   bool PoseMoving(const ScenePose& pose, const ScenePose& previous, bool continues, Poses& poses);
   void PosePart(Part& part, const ScenePose& pose, const ScenePose& previous, bool continues, const Poses& poses,
@@ -409,14 +416,16 @@ private:
 
   RTCDevice Device = nullptr;
   RTCScene Rtc = nullptr;    ///< what keeps still
-  RTCScene Moving = nullptr; ///< what moves; null: nothing does
+  RTCScene Moving = nullptr; ///< what moves, if it is not in Rtc; null: nothing is there
+  RTCScene Posed = nullptr;  ///< of these two the one that moving parts are in; null: nothing moves
+  bool BakesRigid = false;   ///< Options::RebuiltTriangles
   /// Around all of it while the shutter is open, and a little more: most rays pass by and need not ask Embree. Empty
   /// (lower above upper) where there is nothing.
   RTCBounds MovingBox = {};
   std::atomic<std::int64_t> EmbreeBytes{ 0 }, MovingSteps{ 0 };
   Statistics Work;
   std::size_t HiddenWarnings = 0;
-  bool Posed = false;
+  bool HasPose = false;
   double Time = 0;
   double ShutterOpen = 0, ShutterClose = 0;
   double PosedOpen = 0, PosedClose = 0; ///< the shutter of the last SetTime

@@ -40,7 +40,7 @@ bool EmbreeScene::Intersect(Context& context, const TraceRay& ray, SurfaceHit& h
   hit.T = r.ray.tfar;
   hit.Time = ray.Time;
   const Part& part = this->Parts[hit.Geometry];
-  if (part.Kind != Placement::Flat)
+  if (!part.InPlace)
   {
     this->Locate(part, hit, ray.Direction);
     return true;

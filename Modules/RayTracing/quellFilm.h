@@ -89,6 +89,8 @@ public:
   bool WantsHitDistance() const { return this->Offsets.HitDistance >= 0; }
 
   const Rect& Region() const { return this->Area; }
+  /// Makes it the film of another region of no more pixels; the sums are anything until Clear.
+  void MoveTo(const Rect& region) noexcept { this->Area = region; }
   std::size_t BytesPerPixel() const { return sizeof(double) * std::size_t(this->Stride); }
   /// The sums of pixels that have no sample yet; part by part, so that they are in a cache when the samples come.
   void Clear(const Rect& part) noexcept;

@@ -7,6 +7,7 @@
 #include "vtkInformation.h"
 #include "vtkObjectFactory.h"
 #include "vtkQuellArraySetKey.h"
+#include "vtkSMPThreadLocal.h"
 
 #include <algorithm>
 #include <atomic>
@@ -463,7 +464,9 @@ double vtkQuellPathTraceSource::Radius() const
 double vtkQuellPathTraceSource::ScratchBytes(
   const quell::Rect& region, const quell::Rect&, const quell::ArraySet& asked)
 {
-  return double(quell::Film({ 0, 0, 1, 1 }, asked).BytesPerPixel()) * double(region.area());
+  return this->SamplesPerPixel == 1
+           ? 0
+           : double(quell::Film({ 0, 0, 1, 1 }, asked).BytesPerPixel()) * double(region.area());
 }
 
 double vtkQuellPathTraceSource::CostPerPixel() const
@@ -694,6 +697,45 @@ void vtkQuellPathTraceSource::Sample(
     if (next.Samples < target)
       this->UpdateProgress((done + count) / all);
   }
+  this->Count(rays, paths, nonFinite);
+}
+
+void vtkQuellPathTraceSource::SampleOnce(
+  quell::StageFrame& frame, const quell::ArraySet& names, const quell::Integrator& integrator)
+{
+  const auto start = std::chrono::steady_clock::now();
+  std::vector<std::pair<std::string, quell::ImageOut>> outputs;
+  for (const std::string& name : names)
+    outputs.push_back({ name, frame.Output(name) });
+  std::atomic<std::int64_t> rays{ 0 }, paths{ 0 }, nonFinite{ 0 };
+  // A tile's sums fit a cache.
+  constexpr int size = 16;
+  vtkSMPThreadLocal<std::shared_ptr<quell::Film>> films;
+  this->ForEachTile(frame.Region(), size,
+    [&](const quell::Rect& tile)
+    {
+      std::shared_ptr<quell::Film>& film = films.Local();
+      if (!film)
+        film = std::make_shared<quell::Film>(quell::Rect{ 0, 0, size, size }, names);
+      film->MoveTo(tile);
+      quell::TraceCounters counters;
+      integrator.Render(*film, tile, 0, 1, counters);
+      for (const auto& o : outputs)
+        film->Develop(o.first, tile, 1, o.second, this->GuideSamples);
+      rays += counters.Rays;
+      paths += counters.Paths;
+      nonFinite += counters.NonFinite;
+    });
+  quell::SamplingStatus& status = this->Internal->Status;
+  status = quell::SamplingStatus();
+  status.Target = status.Samples = 1;
+  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  status.SamplesPerSecond = took > 0 ? double(paths) / took : 0;
+  this->Count(rays, paths, nonFinite);
+}
+
+void vtkQuellPathTraceSource::Count(std::int64_t rays, std::int64_t paths, std::int64_t nonFinite)
+{
   this->Counters.Rays += rays;
   this->Counters.Paths += paths;
   this->Counters.NonFinite += nonFinite;
@@ -949,32 +991,11 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   in.Partial = false;
   if (!missing.empty())
   {
-    auto t = std::make_unique<Traced>();
-    t->PrimaryKey = primaryKey;
-    t->Key = key;
-    t->Region = region;
-    t->GuideSamples = this->GuideSamples;
-    t->Names = missing;
-    std::size_t bytes = 0;
-    try
-    {
-      quell::Rect one = region;
-      one.x1 = one.x0 + 1;
-      one.y1 = one.y0 + 1;
-      const quell::Film probe(one, missing);
-      // Noise is reported of renders that take a while and make all light anyway.
-      if (this->IsWatched() && target >= 16 && probe.WantsEmission() && probe.WantsDirect() && probe.WantsIndirect())
-        t->Names.insert("moments");
-      bytes = quell::Film(one, t->Names).BytesPerPixel();
-      t->Film = std::make_unique<quell::Film>(region, t->Names, std::move(spare));
-    }
-    catch (const std::bad_alloc&)
-    {
-      throw quell::StageError("there is no memory for the sums of " + std::to_string(region.width()) + " x " +
-                              std::to_string(region.height()) + " pixels, " + std::to_string(bytes) +
-                              " bytes each; render it in regions, or ask for fewer arrays at once");
-    }
-    if (t->Film->WantsDirect() || t->Film->WantsIndirect())
+    quell::Rect one = region;
+    one.x1 = one.x0 + 1;
+    one.y1 = one.y0 + 1;
+    const quell::Film probe(one, missing);
+    if (probe.WantsDirect() || probe.WantsIndirect())
     {
       if (in.Studio)
         this->Warnings.push_back(
@@ -982,10 +1003,35 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
       else if (!scene.HasLight())
         this->Warnings.push_back("the scene has no light: set Environment, or give a material an emission");
     }
-    work.push_back(std::move(t));
+    if (target == 1 && (missing.count("halfA") || missing.count("halfB")))
+      this->Warnings.push_back("one sample per pixel makes no two halves: halfA and halfB are the same");
+    if (target > 1)
+    {
+      auto t = std::make_unique<Traced>();
+      t->PrimaryKey = primaryKey;
+      t->Key = key;
+      t->Region = region;
+      t->GuideSamples = this->GuideSamples;
+      t->Names = missing;
+      // Noise is reported of renders that take a while and make all light anyway.
+      if (this->IsWatched() && target >= 16 && probe.WantsEmission() && probe.WantsDirect() && probe.WantsIndirect())
+        t->Names.insert("moments");
+      try
+      {
+        t->Film = std::make_unique<quell::Film>(region, t->Names, std::move(spare));
+      }
+      catch (const std::bad_alloc&)
+      {
+        throw quell::StageError("there is no memory for the sums of " + std::to_string(region.width()) + " x " +
+                                std::to_string(region.height()) + " pixels, " +
+                                std::to_string(quell::Film(one, t->Names).BytesPerPixel()) +
+                                " bytes each; render it in regions, or ask for fewer arrays at once");
+      }
+      work.push_back(std::move(t));
+    }
+    else
+      this->SampleOnce(frame, missing, integrator);
   }
-  if ((wanted.count("halfA") || wanted.count("halfB")) && !work.empty() && target == 1)
-    this->Warnings.push_back("one sample per pixel makes no two halves: halfA and halfB are the same");
 
   int samples = target;
   if (!work.empty())
@@ -1011,18 +1057,20 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     for (const auto& t : in.Kept)
       if (t->Names.count(name) && (!from || t->Samples > from->Samples))
         from = t.get();
-    outputs.push_back({ from, { name, out } });
+    if (from)
+      outputs.push_back({ from, { name, out } });
     held += std::size_t(region.area()) * std::size_t(out.components) * sizeof(float);
   }
   // A tile's sums fit a cache: every array reads all of them.
-  this->ForEachTile(
-    region, 32,
-    [&](const quell::Rect& tile)
-    {
-      for (const auto& o : outputs)
-        o.first->Get(o.second.first, tile, o.second.second);
-    },
-    1, 1);
+  if (!outputs.empty())
+    this->ForEachTile(
+      region, 32,
+      [&](const quell::Rect& tile)
+      {
+        for (const auto& o : outputs)
+          o.first->Get(o.second.first, tile, o.second.second);
+      },
+      1, 1);
 
   std::vector<quell::ImageOut> seen;
   for (const char* name : { "emission", "direct", "indirect" })

@@ -44,7 +44,8 @@
  *
  * **Refinement.** The sums of all samples are kept as long as they fit GetFilmMemory(). Asked for more SamplesPerPixel,
  * the source then traces only the samples that are missing, where they belong to the same sequence: at tick 0, or
- * wherever tick * SamplesPerPixel + FirstSample stays the same. The bits are those of one go.
+ * wherever tick * SamplesPerPixel + FirstSample stays the same. The bits are those of one go. Of one sample nothing is
+ * kept: to trace it again costs less than to keep the sums of every frame.
  *
  * **Long renders** run in passes over the whole region, of half a second or one sample. CancelToken::Finish ends one
  * after the pass at work: every pixel of an array has the same number of samples, `samples` and the facts say how many,
@@ -235,8 +236,8 @@ public:
   ///@}
 
   ///@{
-  /// A camera from outside, a viewer's: world from camera, looks along -z, with the opening of the chosen one. The scene
-  /// stands still at the time of `Tick`, whatever tick is asked, and motion is that from Before to Camera alone.
+  /// A camera from outside, a viewer's: world from camera, looks along -z, with the opening of the chosen one. The
+  /// scene stands still at the time of `Tick`, whatever tick is asked, and motion is that from Before to Camera alone.
   struct Viewpoint
   {
     quell::Mat4 Camera, Before;
@@ -281,6 +282,10 @@ private:
   double Radius() const;
   void Sample(
     quell::StageFrame& frame, std::vector<std::unique_ptr<Traced>>& work, const quell::Integrator& integrator);
+  /// One sample a pixel, from the rays to the frame's arrays tile by tile: nothing is kept to go on from.
+  void SampleOnce(quell::StageFrame& frame, const quell::ArraySet& names, const quell::Integrator& integrator);
+  /// Adds to the counters; warns of samples that were dropped.
+  void Count(std::int64_t rays, std::int64_t paths, std::int64_t nonFinite);
 
   std::string Scene, Camera, Animation, Environment;
   int Width = 0, Height = 0, SamplesPerPixel = 1, FirstSample = 0, SamplesPerTick = 0, MaximumBounces = -1,
