@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "../Apps/quellAllStages.h"
 #include "quellBench.h"
 #ifdef QUELL_BENCH_WINDOW
 #include "quellLoop.h"
@@ -8,12 +9,6 @@
 #endif
 #include "quellPipelineExecutor.h"
 #include "quellPresenter.h"
-#include "quellRegisterColor.h"
-#include "quellRegisterDenoising.h"
-#include "quellRegisterImageIO.h"
-#include "quellRegisterMetrics.h"
-#include "quellRegisterRayTracing.h"
-#include "quellRegisterTemporal.h"
 #include "quellRenderSession.h"
 #include "quellPipelineReader.h"
 #include "vtkImageData.h"
@@ -34,22 +29,6 @@ using Clock = std::chrono::steady_clock;
 double Since(Clock::time_point start)
 {
   return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-const StageRegistry& Stages()
-{
-  static const StageRegistry registry = []
-  {
-    StageRegistry r;
-    RegisterRayTracingStages(r);
-    RegisterDenoisingStages(r);
-    RegisterTemporalStages(r);
-    RegisterImageIOStages(r);
-    RegisterColorStages(r);
-    RegisterMetricsStages(r);
-    return r;
-  }();
-  return registry;
 }
 
 GraphOptions Room()
@@ -73,13 +52,13 @@ QUELL_BENCHMARK("svgf-live-640x360",
   const std::string file = QUELL_SOURCE_DIR "/Data/Pipelines/svgf.xml";
   Diagnostics messages;
   const std::shared_ptr<const PipelineDocument> document = ReadPipelineFile(file, messages);
-  const auto graph = BuildGraph(document, Stages(), Room(), messages);
+  const auto graph = BuildGraph(document, AllStages(), Room(), messages);
   if (messages.HasErrors())
   {
     throw std::runtime_error(messages.ToText());
   }
 
-  PipelineExecutor executor(graph, Stages());
+  PipelineExecutor executor(graph, AllStages());
   executor.SetWriteOutputs(false);
   executor.Request("taa", { "radiance" });
   std::vector<double> run;
@@ -104,7 +83,7 @@ QUELL_BENCHMARK("svgf-live-640x360",
   // What the frame costs whatever else the machine does: of all threads together.
   const double runCpu = double(std::clock() - cpu) / CLOCKS_PER_SEC / double(run.size());
 
-  RenderSession session(Stages());
+  RenderSession session(AllStages());
   Presenter presenter;
   ViewWish wish;
   wish.Document = document;
@@ -200,7 +179,7 @@ QUELL_BENCHMARK("svgf-window-640x360",
   Window window(w);
   Viewer::Options options;
   options.Graph = Room();
-  Viewer viewer(window, Stages(), options);
+  Viewer viewer(window, AllStages(), options);
   viewer.Open(QUELL_SOURCE_DIR "/Data/Pipelines/svgf.xml");
   Script none;
   ScriptRunner hand(window, viewer, none);

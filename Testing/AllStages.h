@@ -2,29 +2,12 @@
 #ifndef AllStages_h
 #define AllStages_h
 
-#include "quellRegisterColor.h"
-#include "quellRegisterDenoising.h"
-#include "quellRegisterImageIO.h"
-#include "quellRegisterMetrics.h"
-#include "quellRegisterRayTracing.h"
-#include "quellRegisterTemporal.h"
-#include "quellStageRegistry.h"
+#include "../Apps/quellAllStages.h"
 
-/// Every stage type, as the program has them.
+/// Every stage type, as the programs have them.
 inline const quell::StageRegistry& Registry()
 {
-  static const quell::StageRegistry registry = []
-  {
-    quell::StageRegistry r;
-    quell::RegisterRayTracingStages(r);
-    quell::RegisterDenoisingStages(r);
-    quell::RegisterTemporalStages(r);
-    quell::RegisterImageIOStages(r);
-    quell::RegisterColorStages(r);
-    quell::RegisterMetricsStages(r);
-    return r;
-  }();
-  return registry;
+  return quell::AllStages();
 }
 
 #endif

@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // quell-view [FILE] [--frame N] [--screenshot OUT.png]: the window, its loop, and ways to drive it without hands.
+#include "../quellAllStages.h"
+#include "quellCommandLine.h"
 #include "quellLoop.h"
-#include "quellRegisterColor.h"
-#include "quellRegisterDenoising.h"
-#include "quellRegisterImageIO.h"
-#include "quellRegisterMetrics.h"
-#include "quellRegisterRayTracing.h"
-#include "quellRegisterTemporal.h"
 #include "quellScript.h"
 #include "quellViewer.h"
 
@@ -19,22 +15,6 @@
 namespace
 {
 using namespace quell;
-
-const StageRegistry& AllStages()
-{
-  static const StageRegistry registry = []
-  {
-    StageRegistry r;
-    RegisterRayTracingStages(r);
-    RegisterDenoisingStages(r);
-    RegisterTemporalStages(r);
-    RegisterImageIOStages(r);
-    RegisterColorStages(r);
-    RegisterMetricsStages(r);
-    return r;
-  }();
-  return registry;
-}
 
 std::pair<std::string, std::string> Split(const std::string& text, const char* option)
 {
@@ -71,7 +51,9 @@ int Run(int argc, char** argv)
     .add_option(
       "--screenshot", screenshot, "Write the window as PNG when the frame is done, and end; needs no visible window")
     ->type_name("OUT.png");
-  app.add_option("--tab", tab, "Panel on the right: Node, Pixel, Compare, Trade, Pipeline")->type_name("NAME");
+  app.add_option("--tab", tab, "Panel on the right: Node, Pixel, Compare, Trade, Pipeline")
+    ->type_name("NAME")
+    ->check(CLI::IsMember({ "Node", "Pixel", "Compare", "Trade", "Pipeline" }));
   app.add_option("--size", size, "Size of the window")
     ->type_name("W H")
     ->expected(2)
@@ -115,6 +97,12 @@ int Run(int argc, char** argv)
   options.Reference = reference;
   options.Plain = plain;
   options.SettingsFile = forget || driven ? std::string() : Settings::DefaultFile();
+
+  if (const CommandLineFault fault = CheckCommandLine(file, options, AllStages()))
+  {
+    std::fprintf(stderr, "quell-view: error: %s\n", fault.Text.c_str());
+    return fault.Status;
+  }
 
   Settings remembered;
   remembered.Load(options.SettingsFile);

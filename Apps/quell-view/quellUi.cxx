@@ -215,12 +215,60 @@ void Heading(const Window& window, const char* text)
   ImGui::PopFont();
 }
 
+std::string Wrapped(const std::string& text, float width)
+{
+  std::string out, line;
+  std::size_t at = 0;
+  const auto put = [&](const std::string& word)
+  {
+    const std::string longer = line.empty() ? word : line + " " + word;
+    if (!line.empty() && ImGui::CalcTextSize(longer.c_str()).x > width)
+    {
+      out += line + "\n";
+      line = word;
+    }
+    else
+    {
+      line = longer;
+    }
+    // Longer than a line: a path, broken after a slash.
+    while (ImGui::CalcTextSize(line.c_str()).x > width)
+    {
+      std::size_t best = 0;
+      for (std::size_t i = line.find('/'); i != std::string::npos && i + 1 < line.size(); i = line.find('/', i + 1))
+      {
+        best = ImGui::CalcTextSize(line.c_str(), line.c_str() + i + 1).x <= width ? i + 1 : best;
+      }
+      if (best == 0)
+      {
+        break;
+      }
+      out += line.substr(0, best) + "\n";
+      line = line.substr(best);
+    }
+  };
+  while (at <= text.size())
+  {
+    const std::size_t end = std::min(text.size(), text.find_first_of(" \n", at));
+    put(text.substr(at, end - at));
+    if (end == text.size())
+    {
+      break;
+    }
+    if (text[end] == '\n')
+    {
+      out += line + "\n";
+      line.clear();
+    }
+    at = end + 1;
+  }
+  return out + line;
+}
+
 void ShowTooltip(const std::string& text, float width)
 {
   ImGui::BeginTooltip();
-  ImGui::PushTextWrapPos(width);
-  ImGui::TextUnformatted(text.c_str());
-  ImGui::PopTextWrapPos();
+  ImGui::TextUnformatted(Wrapped(text, width).c_str());
   ImGui::EndTooltip();
 }
 
@@ -314,6 +362,61 @@ std::string PipelineBrief(const std::string& file)
   std::string text = document ? document->Doc.Value : std::string();
   const std::size_t end = text.find_first_of(".:;");
   return known[file] = text.substr(0, end);
+}
+
+std::string RangeOf(const Property& p)
+{
+  if (p.Kind == Property::Type::Enum || p.Kind == Property::Type::Bool || p.Kind == Property::Type::String ||
+      p.Kind == Property::Type::Path)
+  {
+    return {};
+  }
+  if (!(p.Maximum > p.Minimum) || p.Maximum >= 1e29)
+  {
+    return p.Minimum > -1e300 ? detail::FormatDouble(p.Minimum) + " or more" : std::string();
+  }
+  return "[" + detail::FormatDouble(p.Minimum) + ", " + detail::FormatDouble(p.Maximum) + "]";
+}
+
+std::string MeaningOf(const Property& p, double value)
+{
+  std::size_t at = 0;
+  while (at < p.Doc.size())
+  {
+    const std::size_t end = std::min(p.Doc.size(), p.Doc.find(';', at));
+    std::string part = p.Doc.substr(at, end - at);
+    part.erase(0, part.find_first_not_of(' '));
+    at = end + 1;
+    // Several stand in one part, too: "1e30: box, 0: identity" and "0: none, 1: direct light".
+    for (std::size_t begin = 0; begin < part.size();)
+    {
+      const std::size_t comma = std::min(part.size(), part.find(", ", begin));
+      const std::string piece = part.substr(begin, comma - begin);
+      const std::size_t colon = piece.find(": ");
+      double number = 0;
+      std::string error;
+      if (colon != std::string::npos && detail::ParseDouble(piece.substr(0, colon), -1e308, 1e308, number, error) &&
+          number == value)
+      {
+        // Up to the next one of them.
+        std::size_t stop = comma;
+        while (stop < part.size())
+        {
+          const std::size_t after = part.find(": ", stop);
+          const std::string next = after == std::string::npos ? "" : part.substr(stop + 2, after - stop - 2);
+          if (detail::ParseDouble(next, -1e308, 1e308, number, error))
+          {
+            break;
+          }
+          stop = std::min(part.size(), part.find(", ", stop + 2));
+        }
+        const std::string meaning = part.substr(begin + colon + 2, stop - begin - colon - 2);
+        return meaning.substr(0, meaning.find(". "));
+      }
+      begin = comma + 2;
+    }
+  }
+  return std::fabs(value) >= 1e29 ? "no limit" : std::string();
 }
 
 const std::vector<HelpSection>& HelpSections()

@@ -41,6 +41,8 @@ bool IconButton(const char* id, Icon icon, double scale, bool on = false);
 void DrawIcon(ImDrawList* list, const ImVec2& centre, float size, Icon icon, ImU32 colour);
 
 void Heading(const Window& window, const char* text);
+/// Lines no longer than `width`, broken at spaces (paths after a slash): Dear ImGui also breaks after a quote or a dot.
+std::string Wrapped(const std::string& text, float width);
 void ShowTooltip(const std::string& text, float width);
 /// Text cut to a width, with an ellipsis.
 std::string Fitted(const std::string& text, float width);
@@ -63,6 +65,8 @@ const std::vector<HelpSection>& HelpSections();
 
 /// "[0, 1]", "0 or more"; empty where there is nothing to say.
 std::string RangeOf(const Property& property);
+/// What a value stands for that is no amount: "all of them" where the property's help says "-1: all of them".
+std::string MeaningOf(const Property& property, double value);
 }
 
 #endif

@@ -108,6 +108,7 @@ void Viewer::Tell(const std::string& text, bool isError)
   this->Message = text;
   this->MessageIsError = isError;
   this->MessageUntil = ImGui::GetTime() + (isError ? 8 : 4);
+  this->MessageOf = this->Doc.Revision();
 }
 
 std::string Viewer::RelativeToFile(const std::string& path) const
@@ -126,6 +127,9 @@ void Viewer::New()
 {
   this->Doc.Clear();
   this->A = this->B = ViewTarget();
+  this->Lost.clear();
+  this->LastDocument.reset();
+  this->Revealed.clear();
   this->Scope.clear();
   this->Selected.clear();
   this->Expanded.clear();
@@ -151,6 +155,7 @@ void Viewer::New()
   this->GraphWantsFit = true;
   this->FitImage = true;
   this->PixelPinned = false;
+  this->AllArrays = false;
   this->Given.Graph = GraphOptions();
 }
 
@@ -191,10 +196,17 @@ bool Viewer::Open(const std::string& file)
   if (IsPicture(file))
   {
     // A picture with a pipeline in it can be the pipeline; as a drop it is an image to look at.
+    std::string first;
     try
     {
       const ReadReport header = ReadImageHeader(file);
       const auto pipeline = header.Metadata.find("pipeline");
+      // Without radiance what it does hold is shown.
+      const auto isRadiance = [](const FileArray& a) { return a.Name == "radiance"; };
+      if (!header.Arrays.empty() && std::none_of(header.Arrays.begin(), header.Arrays.end(), isRadiance))
+      {
+        first = header.Arrays.front().Name;
+      }
       if (pipeline != header.Metadata.end() && this->Doc.Nodes("").empty())
       {
         Diagnostics messages;
@@ -223,7 +235,7 @@ bool Viewer::Open(const std::string& file)
     const std::string id = this->Doc.AddNode("", "ImageReader", double(at.x), double(at.y), "image");
     this->Doc.SetProperty("", id, "File", this->RelativeToFile(file));
     this->ShowWelcome = false;
-    this->SelectTarget(id, "");
+    this->SelectTarget(id, first);
     return true;
   }
   std::vector<Diagnostic> messages;
@@ -393,6 +405,13 @@ void Viewer::FileChosen(const std::string& purpose, const std::string& file)
     const std::size_t dot = rest.rfind('.');
     this->Doc.SetProperty(this->Scope, rest.substr(0, dot), rest.substr(dot + 1), this->RelativeToFile(file));
   }
+  else if (purpose.compare(0, 7, "output:") == 0)
+  {
+    // What a run writes is named as seen from where it runs.
+    const std::string rest = purpose.substr(7);
+    const std::size_t dot = rest.rfind('.');
+    this->Doc.SetProperty(this->Scope, rest.substr(0, dot), rest.substr(dot + 1), file);
+  }
   else if (purpose.compare(0, 9, "variable:") == 0)
   {
     this->Doc.SetVariable(purpose.substr(9), this->RelativeToFile(file));
@@ -423,24 +442,56 @@ void Viewer::FileChosen(const std::string& purpose, const std::string& file)
 void Viewer::SelectTarget(const std::string& node, const std::string& array)
 {
   this->A = { node, array };
+  this->Lost.clear();
   this->HurryNext = true;
+}
+
+bool Viewer::Exists(const ViewTarget& target) const
+{
+  return this->Doc.FindNode("", TopOf(target.Node)) != nullptr;
+}
+
+/// What the node's first input read, as far up as there still is something.
+ViewTarget Viewer::InputOf(const ViewTarget& lost) const
+{
+  ViewTarget at = lost;
+  std::set<std::string> seen;
+  while (this->LastDocument && !this->Exists(at) && seen.insert(TopOf(at.Node)).second)
+  {
+    const std::vector<PipelineNode>& nodes = this->LastDocument->Nodes;
+    const auto node =
+      std::find_if(nodes.begin(), nodes.end(), [&at](const PipelineNode& n) { return n.Id.Value == TopOf(at.Node); });
+    if (node == nodes.end() || node->Inputs.empty())
+    {
+      return {};
+    }
+    at.Node = NodeOfReference(node->Inputs.front().From.Value, &at.Array);
+  }
+  return !at.Node.empty() && this->Exists(at) ? at : ViewTarget();
 }
 
 void Viewer::ChooseDefaultTarget()
 {
   const PipelineDocument& d = *this->Doc.Get();
+  if (!this->Lost.empty() && this->Exists(this->Lost.back()))
+  {
+    this->A = this->Lost.back();
+    this->Lost.pop_back();
+    return;
+  }
   if (!this->A.Node.empty())
   {
-    // Still there?
-    const std::string top = TopOf(this->A.Node);
-    for (const PipelineNode& n : d.Nodes)
+    if (this->Exists(this->A))
     {
-      if (n.Id.Value == top)
-      {
-        return;
-      }
+      return;
     }
-    this->A = ViewTarget();
+    const ViewTarget lost = this->A;
+    this->A = this->InputOf(lost);
+    this->Lost.push_back(lost);
+    if (!this->A.Node.empty())
+    {
+      return;
+    }
   }
   if (!this->Given.Show.empty())
   {
@@ -468,9 +519,21 @@ void Viewer::ChooseDefaultTarget()
       return;
     }
   }
-  if (!d.Nodes.empty())
+  // Without an output the last node that nobody reads is what all others are for.
+  std::set<std::string> read;
+  for (const PipelineNode& n : d.Nodes)
   {
-    this->A = { d.Nodes.front().Id.Value, "" };
+    for (const PipelineInput& i : n.Inputs)
+    {
+      read.insert(TopOf(NodeOfReference(i.From.Value)));
+    }
+  }
+  for (const PipelineNode& n : d.Nodes)
+  {
+    if (this->A.Node.empty() || !read.count(n.Id.Value))
+    {
+      this->A = { n.Id.Value, "" };
+    }
   }
 }
 
@@ -487,6 +550,7 @@ void Viewer::UpdateWish()
     return;
   }
   this->ChooseDefaultTarget();
+  this->LastDocument = this->Doc.Get();
   ViewWish w;
   w.Document = this->Doc.Get();
   w.Options = this->Given.Graph;
@@ -635,6 +699,11 @@ void Viewer::TakeResults()
                                                     : CompareMap::None;
   p.Gain = double(this->Gain);
   p.WantHistogram = this->RightTab == "Compare";
+  // A lamp is a thousand times as bright as what it shines on, and variances spread as far.
+  const DisplayStyle style =
+    p.A ? StyleOf(p.A.Kind, ArrayView(p.A.Image, p.A.Array).components) : DisplayStyle::Automatic;
+  p.LogHistogram =
+    this->LogHistogram ? *this->LogHistogram : style == DisplayStyle::View || style == DisplayStyle::LogHeat;
   p.Reference = this->Reference;
   if (this->Reference && (this->RightTab == "Compare" || this->RightTab == "Trade"))
   {
@@ -1478,7 +1547,8 @@ void Viewer::TimelineBar()
 void Viewer::StatusBar()
 {
   ImGui::PushFont(this->Win.Small());
-  if (!this->Message.empty() && ImGui::GetTime() < this->MessageUntil)
+  if (!this->Message.empty() && ImGui::GetTime() < this->MessageUntil &&
+      (!this->MessageIsError || this->MessageOf == this->Doc.Revision()))
   {
     ImGui::TextColored(this->MessageIsError ? Colors::Error : Colors::Accent, "%s", this->Message.c_str());
     ImGui::PopFont();
@@ -1600,9 +1670,12 @@ void Viewer::Dialogs()
       ImGui::SetKeyboardFocusHere();
       this->TemplateNameFocus = false;
     }
+    ImGui::AlignTextToFramePadding();
+    ImGui::TextUnformatted("name");
+    ImGui::SameLine();
     ImGui::SetNextItemWidth(this->S(260));
     bool make = ImGui::InputText(
-      "name", &this->TemplateName, ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll);
+      "##name", &this->TemplateName, ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll);
     this->Mark("template/name");
     if (!this->TemplateNameError.empty())
     {
@@ -1679,7 +1752,8 @@ void Viewer::FileDialog()
     return;
   }
   Heading(this->Win, this->DialogTitle.c_str());
-  const bool saving = this->DialogPurpose == "save" || this->DialogPurpose == "picture";
+  const bool saving = this->DialogPurpose == "save" || this->DialogPurpose == "picture" ||
+                      this->DialogPurpose.compare(0, 7, "output:") == 0;
   std::error_code ec;
   std::string chosen;
   // The way to here, each part to be clicked.
@@ -1775,7 +1849,11 @@ void Viewer::FileDialog()
   this->Mark("files/name");
   const fs::path full = fs::path(this->DialogDirectory) / this->DialogName;
   const bool exists = fs::is_regular_file(full, ec);
-  if (this->Button(saving ? (exists ? "Replace" : "Save") : "Open", "files/ok", nullptr, !this->DialogName.empty()))
+  const bool naming = saving && this->DialogPurpose != "save" && this->DialogPurpose != "picture";
+  if (this->Button(naming   ? "Choose"
+                   : saving ? (exists ? "Replace" : "Save")
+                            : "Open",
+        "files/ok", nullptr, !this->DialogName.empty()))
   {
     chosen = full.string();
   }

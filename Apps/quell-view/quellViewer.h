@@ -10,6 +10,7 @@
 #include "quellTradePoints.h"
 #include "quellWindow.h"
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -113,6 +114,8 @@ private:
   void HelpOverlay();
   void Splitter(const char* name, bool vertical, float& fraction, float from, float to, float lo, float hi);
   void UpdateWish();
+  bool Exists(const ViewTarget& target) const;
+  ViewTarget InputOf(const ViewTarget& lost) const;
   void TakeResults();
   void ChooseDefaultTarget();
   void Save(bool as);
@@ -132,6 +135,9 @@ private:
   // quellViewerImage.cxx
   void ImagePanel(const ImVec2& min, const ImVec2& max);
   void ImageToolbar();
+  void DisplayControls(const std::function<void(double, double)>& next, double shrink);
+  void CompareControls(const std::function<void(double, double)>& next, double shrink);
+  std::string DifferenceText() const;
   void DrawImage(const ImVec2& min, const ImVec2& max);
   void Legend(const DisplayImage& image, const ImVec2& at, const std::string& title);
   void Inspector();
@@ -154,12 +160,15 @@ private:
   void PropertiesTab();
   void MistakesOf(const std::string& box);
   void TemplatePanel();
-  void PropertyRow(const std::string& scope, const std::string& box, const Property& row, const std::string& nowText);
+  void PropertyRow(const std::string& scope, const std::string& box, const Property& row);
   void PipelineTab();
   void TradeTab();
   void MessagesPanel(const ImVec2& min, const ImVec2& max);
   void PropertyMenu(const std::string& scope, const std::string& box, const Property& row, const std::string& shown);
   std::string NodePathOf(const std::string& box) const;
+  std::string ValueNow(const std::string& scope, const std::string& text, int depth = 0) const;
+  void RenameFromPanel(const std::string& box, const std::string& name);
+  void PropertyErrorText(const std::string& of);
   void AddTradePoint();
 
   // quellViewerGraph.cxx
@@ -177,6 +186,10 @@ private:
   ImVec2 PinPosition(int box, int pin, bool output) const;
   void PaletteWindow();
   void AddFromPalette(const std::string& type, bool isTemplate, const std::string& library = std::string());
+  bool TemplateFits(const PipelineTemplate& t) const;
+  void ConnectWherever(int box, int pin, bool isOutput, const std::string& to);
+  void Reveal(const std::set<std::string>& boxes);
+  void KeepInView();
   void ArrangeAll();
   void FitGraph();
   void CopySelection(bool cut);
@@ -200,6 +213,8 @@ private:
 
   // what is shown
   ViewTarget A, B;
+  std::vector<ViewTarget> Lost; ///< what was shown until its node went: when it comes back, it is shown again
+  std::shared_ptr<const PipelineDocument> LastDocument;
   SourceB BFrom = SourceB::Reference;
   CompareMode Compared = CompareMode::Off;
   bool FlipShowsB = false;
@@ -234,6 +249,8 @@ private:
   bool PixelValid = false, PixelPinned = false;
   int PixelX = 0, PixelY = 0; ///< from the top left
   bool CameraMode = false, WantAllArrays = false;
+  bool AllArrays = false;           ///< asked for in panel Pixel: what the picture's node did not make costs time
+  std::optional<bool> LogHistogram; ///< empty: by what the array is
   bool DraggingWipe = false;
   std::string WeighNode; ///< chosen; empty: the nearest filter
   bool WantWeights = false;
@@ -253,6 +270,9 @@ private:
   ImVec2 GraphOffset{ 0, 0 }, GraphMin{ 0, 0 }, GraphMax{ 0, 0 };
   float GraphZoom = 1;
   bool GraphWantsFit = true;
+  std::set<std::string> Revealed; ///< boxes that came and are to be seen
+  bool MessagesOpen = true;
+  std::size_t MessagesCount = 0;
   std::uint64_t ModelOf = 0;
   std::uint64_t ModelArraysOf = 0;
   std::string ModelScope = "?";
@@ -300,6 +320,7 @@ private:
   std::string Message;
   bool MessageIsError = false;
   double MessageUntil = 0;
+  std::uint64_t MessageOf = 0; ///< the document's revision: what was wrong with an edit is gone with the next one
   std::vector<Diagnostic> OpenErrors;
   std::string OpenErrorFile;
   std::string PendingAction; ///< after the question about unsaved changes
@@ -311,6 +332,7 @@ private:
   std::string TemplateName = "group", TemplateNameError;
   std::string NewPortName, NewPortType = "color";
   std::string NewVariableType = "int", NewVariableName, PropertyError, PropertyErrorOf;
+  std::uint64_t PropertyErrorAt = 0; ///< the document's revision
   std::map<std::string, std::string> EditTexts;
   Marks ThisMarks, LastMarks;
   std::uint64_t Drawn = 0;

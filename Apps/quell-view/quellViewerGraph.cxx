@@ -188,6 +188,17 @@ void Viewer::PlaceNewBoxes()
   {
     return;
   }
+  // What has no place of its own is where it is drawn now, as soon as other boxes come or go.
+  const auto shown = [&]
+  {
+    PipelinePositions places;
+    for (std::size_t i = 0; i < this->Boxes.size(); ++i)
+    {
+      places[PositionKey(this->Scope, this->Model.Boxes[i].Id)] = { double(this->Boxes[i].Position.x),
+        double(this->Boxes[i].Position.y) };
+    }
+    this->Doc.SetShownPlaces(places);
+  };
   if (!any)
   {
     // Arranged once; boxes stay where they are when one of them grows.
@@ -205,6 +216,7 @@ void Viewer::PlaceNewBoxes()
     {
       this->Boxes[i].Position = ImVec2(float(this->Arranged[i].first), float(this->Arranged[i].second));
     }
+    shown();
     return;
   }
   // Some have a place: the others go right of what they read, below what is there.
@@ -240,6 +252,53 @@ void Viewer::PlaceNewBoxes()
       }
     }
     this->Boxes[i].Position = at;
+  }
+  shown();
+}
+
+void Viewer::Reveal(const std::set<std::string>& boxes)
+{
+  this->Selected = boxes;
+  this->Revealed = boxes;
+}
+
+/// Moves the graph so far that what came is seen, beside the list of mistakes that may come with it.
+void Viewer::KeepInView()
+{
+  if (this->Revealed.empty())
+  {
+    return;
+  }
+  ImVec2 a(1e9f, 1e9f), b(-1e9f, -1e9f);
+  for (std::size_t i = 0; i < this->Boxes.size(); ++i)
+  {
+    if (this->Revealed.count(this->Model.Boxes[i].Id))
+    {
+      const BoxLayout& l = this->Boxes[i];
+      a = ImVec2(std::min(a.x, l.Position.x), std::min(a.y, l.Position.y));
+      b = ImVec2(std::max(b.x, l.Position.x + l.Size.x), std::max(b.y, l.Position.y + l.Size.y));
+    }
+  }
+  const ImVec2 p = this->ToScreen(a), q = this->ToScreen(b);
+  const float edge = this->S(12), z = this->GraphZoom * float(this->Scale);
+  const ImVec2 low(this->GraphMin.x + edge, this->GraphMin.y + this->S(38)),
+    high(this->GraphMax.x - edge, this->GraphMax.y - edge);
+  if (q.x - p.x > high.x - low.x || q.y - p.y > high.y - low.y)
+  {
+    if (p.x < low.x || q.x > high.x || p.y < low.y || q.y > high.y)
+    {
+      this->FitGraph();
+    }
+  }
+  else
+  {
+    this->GraphOffset.x += (std::max(0.f, low.x - p.x) - std::max(0.f, q.x - high.x)) / z;
+    this->GraphOffset.y += (std::max(0.f, low.y - p.y) - std::max(0.f, q.y - high.y)) / z;
+  }
+  // The check of what was added may still bring the list of mistakes.
+  if (b.x < a.x || (this->Checked && this->Checked->Document == this->Doc.Get()))
+  {
+    this->Revealed.clear();
   }
 }
 
@@ -294,14 +353,22 @@ void Viewer::EnterScope(const std::string& scope)
 void Viewer::BeginRename(const std::string& box)
 {
   this->Renaming = box;
-  this->RenameText = box.compare(0, 7, "output:") == 0 ? box.substr(7) : box;
+  if (box == "@")
+  {
+    this->Renaming.clear();
+    return;
+  }
+  this->RenameText = box.compare(0, 7, "output:") == 0 ? box.substr(7)
+                     : box.compare(0, 5, "port:") == 0 ? box.substr(5)
+                                                       : box;
   this->RenameFocus = true;
 }
 
 void Viewer::CopySelection(bool cut)
 {
   const std::vector<std::string> boxes(this->Selected.begin(), this->Selected.end());
-  const std::string xml = this->Doc.CopyXml(this->Scope, boxes);
+  std::size_t count = 0;
+  const std::string xml = this->Doc.CopyXml(this->Scope, boxes, &count);
   if (xml.empty())
   {
     return;
@@ -314,7 +381,8 @@ void Viewer::CopySelection(bool cut)
   }
   else
   {
-    this->Tell("copied " + std::to_string(boxes.size()) + (boxes.size() == 1 ? " node" : " nodes") + " as XML");
+    this->Tell("copied " + std::to_string(count) + (count == 1 ? " node" : " nodes") + " as XML" +
+               (count < boxes.size() ? ", without the template's ports" : ""));
   }
 }
 
@@ -339,7 +407,7 @@ void Viewer::Paste()
   }
   else
   {
-    this->Selected = std::set<std::string>(made.begin(), made.end());
+    this->Reveal(std::set<std::string>(made.begin(), made.end()));
     this->ShowWelcome = false;
   }
 }
@@ -368,12 +436,84 @@ void Viewer::DuplicateSelection()
       this->Doc.Duplicate(this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), 40, 40);
     if (!made.empty())
     {
-      this->Selected = std::set<std::string>(made.begin(), made.end());
+      this->Reveal(std::set<std::string>(made.begin(), made.end()));
     }
   }
 }
 
 // ---- the palette ----------------------------------------------------------------------------------------------------
+/// Of a link that was dropped on nothing: a template has a port for it.
+bool Viewer::TemplateFits(const PipelineTemplate& t) const
+{
+  const GraphBox& b = this->Model.Boxes[std::size_t(this->PaletteLinkBox)];
+  const bool out = this->PaletteLinkOutput;
+  const std::size_t pin = std::size_t(this->PaletteLinkPin);
+  if (pin >= (out ? b.Outputs.size() : b.Inputs.size()))
+  {
+    return false;
+  }
+  // As an instance of it stands in a graph, in a pipeline of its own.
+  PipelineDocument alone = this->Doc.FindTemplate(t.Name.Value) ? *this->Doc.Get() : *this->Library;
+  alone.Nodes.clear();
+  alone.Outputs.clear();
+  PipelineNode instance;
+  instance.IsInstance = true;
+  instance.Id.Value = "i";
+  instance.Type = t.Name;
+  alone.Nodes.push_back(instance);
+  EditDocument document(&this->Registry);
+  document.Set(std::make_shared<PipelineDocument>(alone));
+  const GraphModel model = GraphModel::Build(document, "", this->Registry);
+  const int at = model.Find("i");
+  if (at < 0)
+  {
+    return false;
+  }
+  const GraphBox& box = model.Boxes[std::size_t(at)];
+  return out ? std::any_of(box.Inputs.begin(), box.Inputs.end(),
+                 [&](const GraphPin& p) { return KindFits(p.Kind, b.Outputs[pin].Kind, b.Outputs[pin].Components); })
+             : std::any_of(box.Outputs.begin(), box.Outputs.end(),
+                 [&](const GraphPin& p) { return KindFits(b.Inputs[pin].Kind, p.Kind, p.Components); });
+}
+
+/// A new box to a pin, at the port where it fits best.
+void Viewer::ConnectWherever(int box, int pin, bool isOutput, const std::string& to)
+{
+  const GraphBox& b = this->Model.Boxes[std::size_t(box)];
+  const std::string id = b.Id, name = isOutput ? b.Outputs[std::size_t(pin)].Name : b.Inputs[std::size_t(pin)].Name;
+  this->RefreshGraph();
+  const int own = this->Model.Find(id), other = this->Model.Find(to);
+  if (own < 0 || other < 0)
+  {
+    return;
+  }
+  const GraphBox &mine = this->Model.Boxes[std::size_t(own)], &made = this->Model.Boxes[std::size_t(other)];
+  const int ownPin = isOutput ? mine.FindOutput(name) : mine.FindInput(name);
+  int best = -1, bestScore = 0;
+  LinkVerdict verdict;
+  const std::vector<GraphPin>& pins = isOutput ? made.Inputs : made.Outputs;
+  for (std::size_t p = 0; p < pins.size() && ownPin >= 0; ++p)
+  {
+    const LinkVerdict v =
+      isOutput ? this->Model.Judge(own, ownPin, other, int(p)) : this->Model.Judge(other, int(p), own, ownPin);
+    const int score = !v.Ok ? 0 : 1 + (pins[p].Name == name ? 8 : 0) + (p == 0 ? 1 : 0) + (v.Delay ? 0 : 2);
+    if (score > bestScore)
+    {
+      bestScore = score;
+      best = int(p);
+      verdict = v;
+    }
+  }
+  if (best >= 0)
+  {
+    const GraphBox& reader = isOutput ? made : mine;
+    const GraphPin& in = reader.Inputs[std::size_t(isOutput ? best : ownPin)];
+    std::string error;
+    this->Doc.Connect(this->Scope, isOutput ? this->Model.Reference(own, ownPin) : this->Model.Reference(other, best),
+      reader.Id, in.Name, verdict.Delay, in.Repeatable, error);
+  }
+}
+
 void Viewer::AddFromPalette(const std::string& type, bool isTemplate, const std::string& library)
 {
   const double x = double(this->PaletteAt.x), y = double(this->PaletteAt.y);
@@ -386,7 +526,7 @@ void Viewer::AddFromPalette(const std::string& type, bool isTemplate, const std:
     {
       from = this->Model.Reference(this->PaletteLinkBox, this->PaletteLinkPin);
     }
-    this->Selected = { this->Doc.AddOutput(from, x, y) };
+    this->Reveal({ this->Doc.AddOutput(from, x, y) });
     this->PaletteLinkBox = -1;
     return;
   }
@@ -397,8 +537,15 @@ void Viewer::AddFromPalette(const std::string& type, bool isTemplate, const std:
       this->Tell(error, true);
       return;
     }
-    this->Selected = { this->Doc.AddInstance(this->Scope, type, x, y) };
+    const int box = this->PaletteLinkBox, pin = this->PaletteLinkPin;
+    const std::string made = this->Doc.AddInstance(this->Scope, type, x, y);
     this->PaletteLinkBox = -1;
+    if (box >= 0 && box < int(this->Model.Boxes.size()))
+    {
+      this->ConnectWherever(box, pin, this->PaletteLinkOutput, made);
+    }
+    this->Reveal({ made });
+    this->ShowWelcome = false;
     return;
   }
   const StageDescription* d = this->Registry.Describe(type);
@@ -416,7 +563,7 @@ void Viewer::AddFromPalette(const std::string& type, bool isTemplate, const std:
     {
       const std::string id = this->Doc.InsertOnLink(
         this->Scope, this->Model.Boxes[std::size_t(link.To)].Id, link.Index, *d, port, array, x, y);
-      this->Selected = { id };
+      this->Reveal({ id });
       return;
     }
     this->Tell(error, true);
@@ -470,7 +617,7 @@ void Viewer::AddFromPalette(const std::string& type, bool isTemplate, const std:
       }
     }
   }
-  this->Selected = { id };
+  this->Reveal({ id });
   this->ShowWelcome = false;
   if (this->A.Node.empty() && this->Scope.empty())
   {
@@ -560,34 +707,33 @@ void Viewer::PaletteWindow()
       entries.push_back(e);
     }
   }
-  if (!linked && this->PaletteOnLink < 0)
+  const auto addTemplate = [&](const PipelineTemplate& t, const std::string& doc, const std::string& library)
+  {
+    Entry e{ t.Name.Value, t.Doc.Given ? t.Doc.Value : doc, "Templates", library, true, 0 };
+    e.Score = MatchScore(t.Name.Value, this->PaletteSearch);
+    if (e.Score > 0 && (!linked || this->TemplateFits(t)))
+    {
+      entries.push_back(e);
+    }
+  };
+  if (this->PaletteOnLink < 0)
   {
     for (const PipelineTemplate& t : this->Doc.Get()->Templates)
     {
       if (t.Name.Value != this->Scope)
       {
-        Entry e{ t.Name.Value, t.Doc.Given ? t.Doc.Value : "a template of this pipeline", "Templates", "", true, 0 };
-        e.Score = MatchScore(t.Name.Value, this->PaletteSearch);
-        if (e.Score > 0)
-        {
-          entries.push_back(e);
-        }
+        addTemplate(t, "a template of this pipeline", "");
       }
     }
     for (const PipelineInclude& i : this->Doc.Get()->Includes)
     {
       for (const PipelineTemplate& t : i.Content ? i.Content->Templates : std::vector<PipelineTemplate>())
       {
-        Entry e{ t.Name.Value, t.Doc.Given ? t.Doc.Value : "a template of " + i.File.Value, "Templates", "", true, 0 };
-        e.Score = MatchScore(t.Name.Value, this->PaletteSearch);
-        if (e.Score > 0)
-        {
-          entries.push_back(e);
-        }
+        addTemplate(t, "a template of " + i.File.Value, "");
       }
     }
   }
-  if (!linked && this->PaletteOnLink < 0 && this->Scope.empty())
+  if (this->PaletteOnLink < 0 && this->Scope.empty())
   {
     // The shipped library, which is included when something of it is taken.
     const std::string library = DataDirectory() + "/Pipelines/library.xml";
@@ -600,12 +746,7 @@ void Viewer::PaletteWindow()
     {
       if (!this->Doc.FindTemplate(t.Name.Value))
       {
-        Entry e{ t.Name.Value, t.Doc.Value, "Templates", library, true, 0 };
-        e.Score = MatchScore(t.Name.Value, this->PaletteSearch);
-        if (e.Score > 0)
-        {
-          entries.push_back(e);
-        }
+        addTemplate(t, "", library);
       }
     }
   }
@@ -688,7 +829,10 @@ void Viewer::PaletteWindow()
   }
   if (entries.empty())
   {
-    ImGui::TextColored(Colors::Dim, linked ? "no node takes this" : "nothing of that name");
+    ImGui::TextColored(Colors::Dim, "%s",
+      !linked                   ? "nothing of that name"
+      : this->PaletteLinkOutput ? "no node of that name takes this"
+                                : "no node of that name makes this");
   }
   ImGui::EndChild();
   ImGui::End();
@@ -713,20 +857,25 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   this->GraphMin = min;
   this->GraphMax = max;
   this->RefreshGraph();
+  ImGuiIO& io = ImGui::GetIO();
+  // Until the check of an edit is back the list stays as it was: it would come and go with every key.
+  const bool checked = this->Checked && this->Checked->Document == this->Doc.Get();
+  const bool hasMessages = this->Checked && !this->Checked->Messages.empty() &&
+                           (checked || this->Checked->Document->File == this->Doc.Get()->File);
+  // Three lines, the rest scrolls.
+  const float messageLine = ImGui::GetTextLineHeight() + this->S(5);
+  const float shownLines =
+    !this->MessagesOpen ? 1.f : std::min(3.f, float(hasMessages ? this->Checked->Messages.size() : 0));
+  const float messagesHeight =
+    hasMessages ? std::min((max.y - min.y) * 0.4f, this->S(13) + shownLines * messageLine) : 0.f;
+  const ImVec2 end(max.x, max.y - messagesHeight);
+  this->GraphMax = end;
   if (this->GraphWantsFit && !this->Boxes.empty())
   {
     this->FitGraph();
-    this->GraphWantsFit = false;
+    this->GraphWantsFit = !checked; // its list of mistakes takes room
   }
-  ImGuiIO& io = ImGui::GetIO();
-  const bool hasMessages = this->ShowMessages && this->Checked && this->Checked->Document == this->Doc.Get() &&
-                           !this->Checked->Messages.empty();
-  const float messagesHeight =
-    hasMessages ? std::min((max.y - min.y) * 0.4f,
-                    this->S(14) + float(this->Checked->Messages.size()) * (ImGui::GetTextLineHeight() + this->S(5)))
-                : 0.f;
-  const ImVec2 end(max.x, max.y - messagesHeight);
-  this->GraphMax = end;
+  this->KeepInView();
   ImGui::SetNextWindowPos(min);
   ImGui::SetNextWindowSize(ImVec2(end.x - min.x, end.y - min.y));
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(0, 0));
@@ -897,6 +1046,11 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
 
   // ---- the mouse
   const bool editable = this->Doc.IsEditable(this->Scope);
+  if (hovered && (io.MouseWheel != 0 || ImGui::IsMouseClicked(0) || ImGui::IsMouseClicked(2)))
+  {
+    this->GraphWantsFit = false;
+    this->Revealed.clear();
+  }
   if (hovered && io.MouseWheel != 0)
   {
     const ImVec2 before = this->ToGraph(mouse);
@@ -1311,7 +1465,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   const ViewProgress progress = this->Session->Progress();
   const auto text = [&](const ImVec2& at, const std::string& s, ImU32 colour, float size, bool bold)
   {
-    if (size >= 5)
+    if (size >= this->S(7.5)) // smaller ones are only dots
     {
       list->AddText(bold ? this->Win.Bold() : this->Win.Small(), size, at, colour, s.c_str());
     }
@@ -1330,7 +1484,10 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
     }
     return s + "\u2026";
   };
-  const float titleSize = 13 * z, rowSize = 11.5f * z;
+  // Small boxes have letters as large as their rows allow; the smallest have their name alone, all over them.
+  const float rowSize = std::max(11.5f * z, std::min(this->S(9.5), 0.84f * RowHeight * z));
+  const bool compact = rowSize < this->S(7.5);
+  const float titleSize = compact ? this->S(10) : std::max(13 * z, std::min(this->S(11), 0.8f * HeaderHeight * z));
   for (std::size_t i = 0; i < this->Boxes.size(); ++i)
   {
     const GraphBox& b = this->Model.Boxes[i];
@@ -1399,17 +1556,51 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         }
       }
     }
+    if (compact)
+    {
+      list->AddRectFilled(
+        ImVec2(a.x + 1, a.y + 1), ImVec2(c.x - 1, c.y - 1), ImGui::ColorConvertFloat4ToU32(head), 5 * z);
+      const float line = titleSize * 1.05f, width = c.x - a.x - 2;
+      const int most = std::max(1, int((c.y - a.y) / line));
+      std::string rest = b.Title;
+      std::vector<std::string> lines;
+      while (!rest.empty())
+      {
+        std::string now = rest;
+        const bool last = int(lines.size()) + 1 == most;
+        while (now.size() > 1 && measure(now, titleSize, true) > width && !last)
+        {
+          now.pop_back();
+        }
+        now = last ? fit(rest, titleSize, true, width) : now;
+        lines.push_back(now);
+        rest = last ? std::string() : rest.substr(now.size());
+      }
+      const float top = (a.y + c.y) / 2 - line * float(lines.size()) / 2;
+      for (std::size_t n = 0; n < lines.size(); ++n)
+      {
+        text(ImVec2((a.x + c.x - measure(lines[n], titleSize, true)) / 2, top + line * float(n)), lines[n],
+          ImGui::GetColorU32(!b.Known ? Colors::Error
+                             : shown  ? Colors::Accent
+                                      : Colors::Text),
+          titleSize, true);
+      }
+    }
     std::string time = known && !this->Given.Plain ? (ran ? Milliseconds(1000 * seconds) : "kept") : std::string();
     float timeWidth = time.empty() ? 0 : measure(time, rowSize * 0.93f, false) + 8 * z;
     const float eye = shown ? 18 * z : 0;
-    text(ImVec2(a.x + 9 * z + eye, a.y + 5 * z), fit(b.Title, titleSize, true, c.x - a.x - 18 * z - eye - timeWidth),
-      ImGui::GetColorU32(b.Known ? Colors::Text : Colors::Error), titleSize, true);
-    if (shown)
+    if (!compact)
+    {
+      text(ImVec2(a.x + 9 * z + eye, a.y + HeaderHeight * z / 2 - titleSize * 0.58f),
+        fit(b.Title, titleSize, true, c.x - a.x - 18 * z - eye - timeWidth),
+        ImGui::GetColorU32(b.Known ? Colors::Text : Colors::Error), titleSize, true);
+    }
+    if (shown && !compact)
     {
       DrawIcon(
         list, ImVec2(a.x + 15 * z, a.y + HeaderHeight * z / 2), 11 * z, Icon::Eye, ImGui::GetColorU32(Colors::Accent));
     }
-    if (!time.empty())
+    if (!time.empty() && !compact)
     {
       text(ImVec2(c.x - timeWidth, a.y + 6.5f * z), time, ImGui::GetColorU32(ran ? Colors::Text : Colors::Dim),
         rowSize * 0.93f, false);
@@ -1699,8 +1890,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       this->EnterScope(b->Type);
     }
     ImGui::Separator();
-    if (ImGui::MenuItem("Rename\u2026", "F2", false,
-          b && editable && b->Kind != BoxKind::TemplateInputs && b->Kind != BoxKind::TemplateOutput))
+    if (ImGui::MenuItem("Rename\u2026", "F2", false, b && editable && b->Kind != BoxKind::TemplateInputs))
     {
       this->BeginRename(one);
     }
@@ -1790,6 +1980,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       this->Mark("rename");
       const bool left = !this->RenameFocus && ImGui::IsItemDeactivated();
       this->RenameFocus = false;
+      this->PropertyErrorText(this->Renaming + ".rename");
       if (this->Win.Pressed("Escape"))
       {
         this->Renaming.clear();
@@ -1798,19 +1989,30 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
       {
         std::string error;
         const bool output = this->Renaming.compare(0, 7, "output:") == 0;
-        if (this->Doc.Rename(this->Scope, this->Renaming, this->RenameText, error))
+        const bool port = this->Renaming.compare(0, 5, "port:") == 0;
+        if (port ? this->Doc.RenameTemplatePort(this->Scope, this->Renaming.substr(5), this->RenameText, error)
+                 : this->Doc.Rename(this->Scope, this->Renaming, this->RenameText, error))
         {
           if (this->A.Node == this->Renaming && this->Scope.empty())
           {
             this->A.Node = this->RenameText;
           }
-          this->Selected = { output ? "output:" + this->RenameText : this->RenameText };
+          this->Selected = { (output ? "output:" : port ? "port:" : "") + this->RenameText };
+          this->Renaming.clear();
+        }
+        else if (enter)
+        {
+          // Another name can be typed where the wrong one was.
+          this->PropertyError = error;
+          this->PropertyErrorOf = this->Renaming + ".rename";
+          this->PropertyErrorAt = this->Doc.Revision();
+          this->RenameFocus = true;
         }
         else
         {
           this->Tell(error, true);
+          this->Renaming.clear();
         }
-        this->Renaming.clear();
       }
       ImGui::End();
       ImGui::PopStyleVar();

@@ -121,8 +121,18 @@ Picture Viewer::PictureB() const
 
 void Viewer::ImageToolbar()
 {
+  // Narrower where that is enough for one line, else in several; where even that leaves no picture, behind a button.
+  const float whole = ImGui::GetContentRegionAvail().x;
+  const bool few = whole < this->S(430);
+  const bool range = this->Presented && this->Presented->A.Style != DisplayStyle::View && !this->Display.AutoRange;
+  const double wanted = 150 + 140 + 112 + (range ? 200 : 218) + 130 + 60 +
+                        (this->Compared == CompareMode::Off ? 0 : 158) +
+                        (this->Compared == CompareMode::Difference || this->Compared == CompareMode::Signed ? 88 : 0) +
+                        (this->Compared != CompareMode::Off && this->BFrom == SourceB::Parameters ? 54 : 0);
+  const double shrink = few ? std::min(1., double(whole) / double(this->S(330)))
+                            : std::min(1., std::max(0.72, double(whole) / double(this->S(wanted))));
   // What is shown: node and array.
-  ImGui::SetNextItemWidth(this->S(150));
+  ImGui::SetNextItemWidth(this->S(150 * shrink));
   const std::string nodeText = this->A.Node.empty() ? "nothing" : this->A.Node;
   if (ImGui::BeginCombo("##node", nodeText.c_str(), ImGuiComboFlags_HeightLarge))
   {
@@ -141,7 +151,7 @@ void Viewer::ImageToolbar()
   ImGui::SameLine();
   const ViewTarget real = ResolveTarget(*this->Doc.Get(), this->A);
   const Picture shown = this->PictureOf(this->A);
-  ImGui::SetNextItemWidth(this->S(140));
+  ImGui::SetNextItemWidth(this->S(140 * shrink));
   const std::string arrayText = !this->A.Array.empty() ? this->A.Array : shown ? shown.Array : "";
   if (ImGui::BeginCombo("##array", arrayText.c_str(), ImGuiComboFlags_HeightLarge))
   {
@@ -188,9 +198,43 @@ void Viewer::ImageToolbar()
     ImGui::EndCombo();
   }
   this->Mark("image/array");
-  ImGui::SameLine(0, this->S(14));
-  ImGui::SetNextItemWidth(this->S(112));
-  const bool automatic = this->Display.Style == DisplayStyle::Automatic;
+  if (few)
+  {
+    ImGui::SameLine();
+    if (ImGui::Button("\u2026"))
+    {
+      ImGui::OpenPopup("more");
+    }
+    this->Mark("image/more");
+    this->Tooltip("How it is shown, and what it is compared with");
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(8), this->S(6)));
+    if (ImGui::BeginPopup("more"))
+    {
+      const auto below = [](double, double) {};
+      this->DisplayControls(below, 1.4);
+      this->CompareControls(below, 1.4);
+      ImGui::EndPopup();
+    }
+    ImGui::PopStyleVar();
+    return;
+  }
+  const auto next = [this](double width, double gap)
+  {
+    ImGui::SameLine(0, this->S(gap));
+    if (ImGui::GetContentRegionAvail().x < this->S(width))
+    {
+      ImGui::NewLine();
+    }
+  };
+  this->DisplayControls(next, shrink);
+  this->CompareControls(next, shrink);
+}
+
+/// `next(width, gap)` goes to where the next control stands.
+void Viewer::DisplayControls(const std::function<void(double, double)>& next, double shrink)
+{
+  next(112 * shrink, 14);
+  ImGui::SetNextItemWidth(this->S(112 * shrink));
   const char* styleName = "Automatic";
   for (const auto& s : DisplayStyleNames())
   {
@@ -210,10 +254,10 @@ void Viewer::ImageToolbar()
   this->Mark("image/style");
   this->Tooltip("How numbers become colours; Automatic goes by what the array is");
   const DisplayStyle style = this->Presented ? this->Presented->A.Style : DisplayStyle::View;
-  ImGui::SameLine();
   if (style == DisplayStyle::View)
   {
-    ImGui::SetNextItemWidth(this->S(100));
+    next(100 * shrink, 7);
+    ImGui::SetNextItemWidth(this->S(100 * shrink));
     if (ImGui::BeginCombo("##view", this->Display.View.c_str()))
     {
       for (const std::string& v : this->Views)
@@ -227,9 +271,9 @@ void Viewer::ImageToolbar()
     }
     this->Mark("image/view");
     this->Tooltip("OpenColorIO view of the shipped configuration");
-    ImGui::SameLine();
+    next(110 * shrink, 7);
     float exposure = float(this->Display.Exposure);
-    ImGui::SetNextItemWidth(this->S(110));
+    ImGui::SetNextItemWidth(this->S(110 * shrink));
     if (ImGui::SliderFloat("##exposure", &exposure, -8, 8, "%+.2f EV"))
     {
       this->Display.Exposure = double(exposure);
@@ -243,6 +287,7 @@ void Viewer::ImageToolbar()
   }
   else if (style != DisplayStyle::Direction && style != DisplayStyle::Labels)
   {
+    next(60, 7);
     bool automaticRange = this->Display.AutoRange;
     if (ImGui::Checkbox("auto", &automaticRange))
     {
@@ -258,8 +303,8 @@ void Viewer::ImageToolbar()
     if (!this->Display.AutoRange)
     {
       float range[2] = { float(this->Display.Low), float(this->Display.High) };
-      ImGui::SameLine();
-      ImGui::SetNextItemWidth(this->S(130));
+      next(130 * shrink, 7);
+      ImGui::SetNextItemWidth(this->S(130 * shrink));
       if (ImGui::DragFloat2("##range", range, std::max(1e-5f, std::fabs(range[1] - range[0]) * 0.005f), 0, 0, "%.4g"))
       {
         this->Display.Low = double(range[0]);
@@ -267,10 +312,13 @@ void Viewer::ImageToolbar()
       }
     }
   }
-  (void)automatic;
+}
 
-  ImGui::SameLine(0, this->S(14));
-  ImGui::SetNextItemWidth(this->S(130));
+void Viewer::CompareControls(const std::function<void(double, double)>& next, double shrink)
+{
+  const Picture shown = this->PictureOf(this->A);
+  next(130 * shrink, 14);
+  ImGui::SetNextItemWidth(this->S(130 * shrink));
   if (ImGui::BeginCombo("##compare", CompareNames[int(this->Compared)]))
   {
     for (int i = 0; i < 7; ++i)
@@ -288,12 +336,8 @@ void Viewer::ImageToolbar()
   this->Tooltip("Compare the picture (A) with another one (B)");
   if (this->Compared != CompareMode::Off)
   {
-    ImGui::SameLine();
-    if (ImGui::GetContentRegionAvail().x < this->S(150))
-    {
-      ImGui::NewLine();
-    }
-    ImGui::SetNextItemWidth(this->S(150));
+    next(150 * shrink, 7);
+    ImGui::SetNextItemWidth(this->S(150 * shrink));
     const std::string bText =
       this->BFrom == SourceB::Node
         ? (this->B.Node.empty() ? "choose B" : this->B.Node + (this->B.Array.empty() ? "" : ":" + this->B.Array))
@@ -367,7 +411,7 @@ void Viewer::ImageToolbar()
     if (this->BFrom == SourceB::Parameters && this->SetB)
     {
       this->Tooltip("parameter " + this->NameOfSetB());
-      ImGui::SameLine();
+      next(48, 7);
       if (this->Button("Swap", "image/swap", "Edits set B and puts A aside (Shift+P); one step of undo"))
       {
         this->SwapParameters();
@@ -375,7 +419,7 @@ void Viewer::ImageToolbar()
     }
     if (this->Compared == CompareMode::Difference || this->Compared == CompareMode::Signed)
     {
-      ImGui::SameLine();
+      next(80, 7);
       ImGui::SetNextItemWidth(this->S(80));
       ImGui::SliderFloat("##gain", &this->Gain, 0.1f, 1000, "\u00d7 %.3g", ImGuiSliderFlags_Logarithmic);
       this->Mark("image/gain");
@@ -722,10 +766,12 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
 
   // Labels of what is where.
   ImGui::PushFont(this->Win.Small());
+  int labels = 0;
   const auto label = [&](const ImVec2& at, const std::string& text, bool right, const ImVec4& colour)
   {
     const ImVec2 t = ImGui::CalcTextSize(text.c_str());
     const ImVec2 q(right ? at.x - t.x - this->S(10) : at.x, at.y);
+    this->MarkRect("label/" + std::to_string(labels++), q, ImVec2(q.x + t.x + this->S(10), q.y + t.y + this->S(6)));
     list->AddRectFilled(
       q, ImVec2(q.x + t.x + this->S(10), q.y + t.y + this->S(6)), IM_COL32(16, 17, 20, 200), this->S(3));
     list->AddText(ImVec2(q.x + this->S(5), q.y + this->S(3)), ImGui::GetColorU32(colour), text.c_str());
@@ -743,15 +789,26 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
                             : this->BFrom == SourceB::Parameters ? "set B"
                                                                  : "reference";
   const ImVec2 corner(min.x + this->S(8), min.y + this->S(8)), opposite(max.x - this->S(8), min.y + this->S(8));
+  // Lines below the names; each finds the next free place.
+  float lineY = corner.y;
+  const auto line = [&](const std::string& text, const ImVec4& colour)
+  {
+    lineY += ImGui::GetTextLineHeight() + this->S(10);
+    label(ImVec2(corner.x, lineY), Fitted(text, size.x - this->S(26)), false, colour);
+  };
   if (map)
   {
     label(corner, nameA + "  against  " + nameB, false, Colors::Text);
     const std::string error = !p->MapError.empty() ? p->MapError : p->Map.Error;
     if (!error.empty())
     {
-      label(ImVec2(corner.x, corner.y + this->S(24)), error, false, Colors::Warning);
+      line(error, Colors::Warning);
     }
-    else if (mapGood && p->Map.Style != DisplayStyle::View)
+    else if (const std::string figures = this->DifferenceText(); mapGood && !figures.empty())
+    {
+      line(figures, Colors::Text);
+    }
+    if (mapGood && p->Map.Style != DisplayStyle::View)
     {
       this->Legend(p->Map, ImVec2(max.x - this->S(8), max.y - this->S(8)), CompareNames[int(this->Compared)]);
     }
@@ -767,12 +824,11 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
     if (this->Compared != CompareMode::Off && (!p->Wish.B || !p->B.Error.empty()))
     {
       const bool set = this->BFrom == SourceB::Parameters && this->SetB;
-      label(ImVec2(corner.x, corner.y + this->S(24)),
-        !p->B.Error.empty()                                                 ? p->B.Error
-        : !set                                                              ? "choose what B is, above"
-        : this->ShownB && !this->ShownB->Ok && !this->ShownB->Error.empty() ? "set B: " + this->ShownB->Error
-                                                                            : "set B is at work\u2026",
-        false, Colors::Warning);
+      line(!p->B.Error.empty()                                                 ? p->B.Error
+           : !set                                                              ? "choose what B is, above"
+           : this->ShownB && !this->ShownB->Ok && !this->ShownB->Error.empty() ? "set B: " + this->ShownB->Error
+                                                                               : "set B is at work\u2026",
+        Colors::Warning);
     }
     if (p->A.Style == DisplayStyle::Heat || p->A.Style == DisplayStyle::LogHeat || p->A.Style == DisplayStyle::Gray ||
         p->A.Style == DisplayStyle::Error || p->A.Style == DisplayStyle::Signed)
@@ -795,10 +851,28 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
   }
   if (this->LastGood && this->Shown && !this->Shown->Ok && !this->Shown->Error.empty())
   {
-    label(ImVec2(corner.x, corner.y + this->S(24)),
-      "an older picture: " + Fitted(this->Shown->Error, size.x - this->S(160)), false, Colors::Error);
+    line("an older picture: " + this->Shown->Error, Colors::Error);
   }
   ImGui::PopFont();
+}
+
+std::string Viewer::DifferenceText() const
+{
+  if (!this->Presented || !this->Presented->Difference.Known)
+  {
+    return {};
+  }
+  const DifferenceFigures& d = this->Presented->Difference;
+  const std::string odd = d.OnlyOneFinite == 0
+                            ? std::string()
+                            : "; in " + std::to_string(d.OnlyOneFinite) +
+                                (d.OnlyOneFinite == 1 ? " pixel" : " pixels") + " only one of them is a number";
+  if (!(d.Largest > 0))
+  {
+    return (odd.empty() ? "no difference: A and B are equal" : "no difference in numbers") + odd;
+  }
+  return "largest difference " + Figure(d.Largest) + " at x " + std::to_string(d.LargestX) + " y " +
+         std::to_string(this->Presented->A.Height - 1 - d.LargestY) + ", mean " + Figure(d.Mean) + odd;
 }
 
 void Viewer::ImagePanel(const ImVec2& min, const ImVec2& max)
@@ -827,14 +901,41 @@ void Viewer::ImagePanel(const ImVec2& min, const ImVec2& max)
     ImGui::SameLine(this->S(72));
     ImGui::TextColored(this->PixelPinned ? Colors::Accent : Colors::Dim, "x %d  y %d", this->PixelX, this->PixelY);
     ImGui::SameLine(this->S(190));
-    std::string text;
-    for (int c = 0; c < v.components; ++c)
+    const auto values = [](const float* f, int n, const char* gap)
     {
-      text += (c ? "   " : "") + ValueText(v.at(x, fromBottom)[c]);
+      std::string text;
+      for (int c = 0; c < n; ++c)
+      {
+        text += (c ? gap : "") + ValueText(f[c]);
+      }
+      return text;
+    };
+    const float* a = v.at(x, fromBottom);
+    const Picture other = this->Compared == CompareMode::Off ? Picture() : this->PictureB();
+    const ImageIn w = other ? ArrayView(other.Image, other.Array) : ImageIn();
+    std::string text = values(a, v.components, "   ");
+    if (w && w.components == v.components && w.extent.width() == v.extent.width() &&
+        w.extent.height() == v.extent.height())
+    {
+      const float* b = w.at(w.extent.x0 + this->PixelX, w.extent.y1 - 1 - this->PixelY);
+      std::vector<float> minus;
+      for (int c = 0; c < v.components; ++c)
+      {
+        minus.push_back(a[c] == b[c] ? 0.f : a[c] - b[c]);
+      }
+      text = "A " + values(a, v.components, " ") + "   B " + values(b, v.components, " ") + "   A-B " +
+             values(minus.data(), v.components, " ");
     }
     ImGui::PopFont();
     ImGui::PushFont(this->Win.Mono());
+    if (ImGui::CalcTextSize(text.c_str()).x > ImGui::GetContentRegionAvail().x)
+    {
+      ImGui::PopFont();
+      ImGui::PushFont(this->Win.Small());
+    }
     ImGui::TextColored(Colors::Text, "%s", text.c_str());
+    this->MarkRect("image/values " + text, ImGui::GetItemRectMin(), ImGui::GetItemRectMax());
+    this->Tooltip(text);
   }
   ImGui::PopFont();
   ImGui::End();
@@ -892,7 +993,7 @@ void Viewer::Inspector()
     this->WantAllArrays = false;
     return;
   }
-  this->WantAllArrays = true;
+  this->WantAllArrays = this->AllArrays;
   const ImageIn v = ArrayView(shown.Image, shown.Array);
   if (!this->PixelValid || !v || this->PixelX >= v.extent.width() || this->PixelY >= v.extent.height())
   {
@@ -972,7 +1073,7 @@ void Viewer::Inspector()
       ImGui::PopFont();
       ImGui::TableNextColumn();
       ImGui::PushFont(this->Win.Mono());
-      std::string text, whole;
+      std::string text, whole, tight;
       bool finite = true;
       for (int c = 0; c < a.components; ++c)
       {
@@ -982,12 +1083,52 @@ void Viewer::Inspector()
         std::snprintf(four, sizeof four, "%-9.3g", double(f));
         text += std::isfinite(f) ? four : ValueText(f) + "  ";
         whole += (c ? "  " : "") + ValueText(f);
+        std::snprintf(four, sizeof four, "%.3g", double(f));
+        tight += (c ? " " : "") + (std::isfinite(f) ? std::string(four) : ValueText(f));
+      }
+      // In a narrow panel closer together and smaller: the last one counts as much.
+      if (ImGui::CalcTextSize(text.substr(0, text.find_last_not_of(' ') + 1).c_str()).x >
+          ImGui::GetContentRegionAvail().x)
+      {
+        ImGui::PopFont();
+        ImGui::PushFont(this->Win.Small());
+        text = tight;
       }
       ImGui::TextColored(finite ? Colors::Text : Colors::Error, "%s", text.c_str());
       ImGui::PopFont();
       this->Tooltip(name + "\n" + whole);
     }
     ImGui::EndTable();
+  }
+  // What the picture did not need is not made before somebody asks: a path tracer would trace anew for it.
+  std::vector<std::string> missing;
+  const auto known = this->LastGood->Arrays.find(ResolveTarget(*this->LastGood->Document, this->A).Node);
+  for (const OutputArray& a : known == this->LastGood->Arrays.end() ? std::vector<OutputArray>() : known->second)
+  {
+    if (a.Name.compare(0, 6, "bounce") != 0 && !shown.Image->GetPointData()->HasArray(a.Name.c_str()))
+    {
+      missing.push_back(a.Name);
+    }
+  }
+  if (this->AllArrays)
+  {
+    if (this->Button("Only what the picture needs", "pixel/few", "From the next change on"))
+    {
+      this->AllArrays = false;
+    }
+  }
+  else if (!missing.empty())
+  {
+    std::string names;
+    for (const std::string& name : missing)
+    {
+      names += (names.empty() ? "" : ", ") + name;
+    }
+    if (this->Button(("+ " + std::to_string(missing.size()) + " more").c_str(), "pixel/all",
+          ("Runs the frame again for " + names).c_str()))
+    {
+      this->AllArrays = true;
+    }
   }
 }
 
@@ -1243,6 +1384,7 @@ void Viewer::HistogramPlot()
     return;
   }
   const Histogram& h = this->Presented->Bars;
+  const auto value = [&h](double at) { return h.Logarithmic ? std::pow(10., at) : at; };
   const ImVec2 at = ImGui::GetCursorScreenPos();
   const ImVec2 size(ImGui::GetContentRegionAvail().x, this->S(110));
   ImDrawList* list = ImGui::GetWindowDrawList();
@@ -1274,10 +1416,26 @@ void Viewer::HistogramPlot()
   ImGui::Dummy(size);
   this->Mark("histogram");
   ImGui::PushFont(this->Win.Small());
-  ImGui::TextColored(Colors::Dim, "%s", Figure(h.Low).c_str());
-  const std::string high = Figure(h.High);
-  ImGui::SameLine(
-    ImGui::GetContentRegionAvail().x - ImGui::CalcTextSize(high.c_str()).x + ImGui::GetCursorPosX() - this->S(4));
+  const float axis = ImGui::GetCursorPosX();
+  if (h.Logarithmic)
+  {
+    // A tick for each power of ten.
+    for (int d = int(std::ceil(h.Low)); d <= int(std::floor(h.High)); ++d)
+    {
+      const float x = at.x + size.x * float((d - h.Low) / (h.High - h.Low));
+      list->AddLine(ImVec2(x, at.y + size.y - this->S(5)), ImVec2(x, at.y + size.y), IM_COL32(255, 255, 255, 110));
+    }
+  }
+  ImGui::TextColored(Colors::Dim, "%s", Figure(value(h.Low)).c_str());
+  if (h.Below + h.Above > 0)
+  {
+    const std::string beyond = std::to_string(h.Below + h.Above) + " beyond";
+    ImGui::SameLine(axis + size.x / 2 - ImGui::CalcTextSize(beyond.c_str()).x / 2);
+    ImGui::TextColored(Colors::Dim, "%s", beyond.c_str());
+    this->Tooltip(std::to_string(h.Below) + " values are below the axis, " + std::to_string(h.Above) + " above");
+  }
+  const std::string high = Figure(value(h.High));
+  ImGui::SameLine(axis + size.x - ImGui::CalcTextSize(high.c_str()).x);
   ImGui::TextColored(Colors::Dim, "%s", high.c_str());
   for (int c = 0; c < h.Channels; ++c)
   {
@@ -1295,8 +1453,16 @@ void Viewer::HistogramPlot()
 void Viewer::ComparePanel()
 {
   Heading(this->Win, "Histogram");
-  ImGui::SameLine();
-  ImGui::TextColored(Colors::Dim, "counts on a log scale");
+  ImGui::SameLine(ImGui::GetContentRegionAvail().x - this->S(76));
+  bool logarithmic = this->Presented && this->Presented->Wish.LogHistogram;
+  ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, ImVec2(this->S(3), this->S(1)));
+  if (ImGui::Checkbox("log axis", &logarithmic))
+  {
+    this->LogHistogram = logarithmic;
+  }
+  ImGui::PopStyleVar();
+  this->Mark("histogram/log");
+  this->Tooltip("Values on a log scale; counts always are");
   this->HistogramPlot();
   ImGui::Dummy(ImVec2(0, this->S(8)));
   Heading(this->Win, "Error against a reference");

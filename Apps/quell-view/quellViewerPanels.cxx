@@ -22,6 +22,25 @@ bool IsVariable(const std::string& text)
   return text.find("$(") != std::string::npos;
 }
 
+/// The number with its meaning, as a format without anything to fill in; empty: `fallback` shows it.
+std::string SliderFormat(const Property& p, double value, const char* fallback, float width)
+{
+  const std::string meaning = MeaningOf(p, value);
+  if (meaning.empty())
+  {
+    return fallback;
+  }
+  char number[48];
+  std::snprintf(number, sizeof number, "%.4g", value);
+  const std::string whole = std::fabs(value) >= 1e29 ? meaning : std::string(number) + ": " + meaning;
+  std::string format;
+  for (char c : Fitted(whole, width))
+  {
+    format += c == '%' ? "%%" : std::string(1, c);
+  }
+  return format;
+}
+
 /// Where a slider's ends are: a parameter's range may be far wider than what anybody uses.
 void SliderRange(const Property& p, double now, double& low, double& high)
 {
@@ -56,6 +75,79 @@ std::string Viewer::NodePathOf(const std::string& box) const
     }
   }
   return {};
+}
+
+/// With what the variables stand for now: -D first, in a template what its first instance gives.
+std::string Viewer::ValueNow(const std::string& scope, const std::string& text, int depth) const
+{
+  std::string result;
+  std::size_t at = 0;
+  for (std::size_t open = text.find("$("); open != std::string::npos && depth < 8; open = text.find("$(", at))
+  {
+    const std::size_t close = text.find(')', open);
+    if (close == std::string::npos)
+    {
+      break;
+    }
+    result += text.substr(at, open - at);
+    at = close + 1;
+    const std::string name = text.substr(open + 2, close - open - 2);
+    std::string value = text.substr(open, at - open);
+    for (const PipelineVariable& v : this->Doc.Get()->Variables)
+    {
+      value = v.Name.Value == name ? v.Default.Value : value;
+    }
+    for (const auto& d : this->Given.Graph.Defines)
+    {
+      value = d.first == name ? d.second : value;
+    }
+    if (const PipelineTemplate* t = scope.empty() ? nullptr : this->Doc.FindTemplate(scope))
+    {
+      for (const PipelineVariable& v : t->Parameters)
+      {
+        if (v.Name.Value != name)
+        {
+          continue;
+        }
+        const PipelineText* given = this->Doc.FindProperty("", TopOf(this->NodePathOf("")), name);
+        value = given ? this->ValueNow("", given->Value, depth + 1) : v.Default.Value;
+      }
+    }
+    result += value;
+  }
+  return result + text.substr(at);
+}
+
+void Viewer::PropertyErrorText(const std::string& of)
+{
+  if (this->PropertyErrorOf != of || this->PropertyErrorAt != this->Doc.Revision())
+  {
+    return;
+  }
+  ImGui::PushFont(this->Win.Small());
+  ImGui::PushTextWrapPos(0);
+  ImGui::TextColored(Colors::Error, "%s", this->PropertyError.c_str());
+  ImGui::PopTextWrapPos();
+  ImGui::PopFont();
+  this->Mark("error/" + of);
+}
+
+void Viewer::RenameFromPanel(const std::string& box, const std::string& name)
+{
+  std::string error;
+  const bool output = box.compare(0, 7, "output:") == 0;
+  if (this->Doc.Rename(this->Scope, box, name, error))
+  {
+    if (this->A.Node == box && this->Scope.empty())
+    {
+      this->A.Node = name;
+    }
+    this->Selected = { output ? "output:" + name : name };
+    return;
+  }
+  this->PropertyError = error;
+  this->PropertyErrorOf = box + ".name";
+  this->PropertyErrorAt = this->Doc.Revision();
 }
 
 void Viewer::PropertyMenu(
@@ -111,8 +203,7 @@ void Viewer::PropertyMenu(
   ImGui::EndPopup();
 }
 
-void Viewer::PropertyRow(
-  const std::string& scope, const std::string& box, const Property& row, const std::string& nowText)
+void Viewer::PropertyRow(const std::string& scope, const std::string& box, const Property& row)
 {
   const PipelineText* written = this->Doc.FindProperty(scope, box, row.Name);
   const std::string mark = "property/" + row.Name;
@@ -149,6 +240,7 @@ void Viewer::PropertyRow(
     {
       this->PropertyError = error;
       this->PropertyErrorOf = box + "." + row.Name;
+      this->PropertyErrorAt = this->Doc.Revision();
       return;
     }
     this->PropertyErrorOf.clear();
@@ -180,12 +272,43 @@ void Viewer::PropertyRow(
     }
   };
   double v = 0;
-  std::string error;
+  std::string error, expanded;
+  const bool file = row.Kind == Property::Type::Path || (row.Kind == Property::Type::String && row.Name == "File");
+  const auto chooser = [&](const std::string& purpose)
+  {
+    ImGui::SameLine(0, this->S(3));
+    if (ImGui::Button("\u2026", ImVec2(this->S(26), 0)))
+    {
+      this->OpenFileDialog(purpose, row.Name + " of " + box,
+        row.Kind == Property::Type::String ? ".exr .hdr .png .jpg .tif .bmp .tga"
+        : row.Name == "Scene"              ? ".gltf .glb .obj"
+        : row.Name == "Config"             ? ".ocio"
+                                           : ".exr .hdr .png .jpg .pfm .pgm .ppm");
+    }
+    this->Mark(mark + "/choose");
+    this->Tooltip(
+      purpose.compare(0, 9, "variable:") == 0 ? "Another file for variable " + purpose.substr(9) : "Choose a file");
+  };
   if (variable)
   {
+    // The variable that stands here alone can get another file.
+    const std::string& all = written->Value;
+    const std::string name =
+      all.compare(0, 2, "$(") == 0 && all.find(')') == all.size() - 1 ? all.substr(2, all.size() - 3) : std::string();
+    const std::vector<PipelineVariable>& known = this->Doc.Get()->Variables;
+    const bool choose =
+      file && scope.empty() &&
+      std::any_of(known.begin(), known.end(), [&name](const PipelineVariable& one) { return one.Name.Value == name; });
+    ImGui::SetNextItemWidth(-reset - (choose ? this->S(30) : 0.f));
     text("");
     this->Mark(mark);
-    this->Tooltip("= " + nowText + "\na variable of the pipeline gives this value; it can be changed under Pipeline");
+    const std::string now = this->ValueNow(scope, all);
+    this->Tooltip("= " + now + "\na variable of the pipeline gives this value; it can be changed under Pipeline");
+    if (choose)
+    {
+      chooser("variable:" + name);
+    }
+    expanded = "= " + (file && !now.empty() ? std::filesystem::path(now).filename().string() : now);
   }
   else if (row.Kind == Property::Type::Bool)
   {
@@ -221,7 +344,8 @@ void Viewer::PropertyRow(
     {
       const double limit = 1e9;
       int i = int(std::min(limit, std::max(-limit, v)));
-      if (ImGui::SliderInt("##int", &i, int(std::max(-limit, low)), int(std::min(limit, high)), "%d"))
+      if (ImGui::SliderInt("##int", &i, int(std::max(-limit, low)), int(std::min(limit, high)),
+            SliderFormat(row, v, "%d", ImGui::GetContentRegionAvail().x - reset - this->S(28)).c_str()))
       {
         set(std::to_string(i), true);
       }
@@ -230,7 +354,10 @@ void Viewer::PropertyRow(
     {
       double d = v;
       const bool wide = low >= 0 && high > 20 * std::max(1e-6, std::fabs(v));
-      if (ImGui::SliderScalar("##double", ImGuiDataType_Double, &d, &low, &high, std::fabs(d) >= 1e5 ? "%.3g" : "%.4g",
+      if (ImGui::SliderScalar("##double", ImGuiDataType_Double, &d, &low, &high,
+            SliderFormat(
+              row, d, std::fabs(d) >= 1e5 ? "%.3g" : "%.4g", ImGui::GetContentRegionAvail().x - reset - this->S(28))
+              .c_str(),
             wide ? ImGuiSliderFlags_Logarithmic : ImGuiSliderFlags_None))
       {
         char rounded[48];
@@ -241,21 +368,13 @@ void Viewer::PropertyRow(
     this->Mark(mark);
     this->Tooltip("drag, or Ctrl+click to type" + (range.empty() ? std::string() : "; range " + range));
   }
-  else if (row.Kind == Property::Type::Path)
+  else if (file)
   {
     ImGui::SetNextItemWidth(-reset - this->S(30));
     text("no file");
     this->Mark(mark);
     this->Tooltip(shown.empty() ? row.Doc : shown);
-    ImGui::SameLine(0, this->S(3));
-    if (ImGui::Button("\u2026", ImVec2(this->S(26), 0)))
-    {
-      this->OpenFileDialog("property:" + box + "." + row.Name, row.Doc,
-        row.Name == "Scene"    ? ".gltf .glb .obj"
-        : row.Name == "Config" ? ".ocio"
-                               : ".exr .hdr .png .jpg .pfm .pgm .ppm");
-    }
-    this->Mark(mark + "/choose");
+    chooser((row.Kind == Property::Type::Path ? "property:" : "output:") + box + "." + row.Name);
   }
   else
   {
@@ -273,29 +392,16 @@ void Viewer::PropertyRow(
     this->Tooltip("Back to the default, " + (row.DefaultText.empty() ? "empty" : row.DefaultText));
   }
   ImGui::EndDisabled();
-  if (this->PropertyErrorOf == box + "." + row.Name)
+  if (!expanded.empty())
   {
     ImGui::PushFont(this->Win.Small());
-    ImGui::PushTextWrapPos(0);
-    ImGui::TextColored(Colors::Error, "%s", this->PropertyError.c_str());
-    ImGui::PopTextWrapPos();
+    ImGui::SetCursorPosX(ImGui::GetCursorPosX() + ImGui::GetStyle().FramePadding.x);
+    ImGui::TextColored(Colors::Dim, "%s", Fitted(expanded, ImGui::GetContentRegionAvail().x - reset).c_str());
     ImGui::PopFont();
+    this->MarkRect(mark + "/value " + expanded, ImGui::GetItemRectMin(), ImGui::GetItemRectMax());
   }
+  this->PropertyErrorText(box + "." + row.Name);
   ImGui::PopID();
-}
-
-std::string RangeOf(const Property& p)
-{
-  if (p.Kind == Property::Type::Enum || p.Kind == Property::Type::Bool || p.Kind == Property::Type::String ||
-      p.Kind == Property::Type::Path)
-  {
-    return {};
-  }
-  if (!(p.Maximum > p.Minimum) || p.Maximum >= 1e300)
-  {
-    return p.Minimum > -1e300 ? detail::FormatDouble(p.Minimum) + " or more" : std::string();
-  }
-  return "[" + detail::FormatDouble(p.Minimum) + ", " + detail::FormatDouble(p.Maximum) + "]";
 }
 
 void Viewer::MistakesOf(const std::string& box)
@@ -399,6 +505,7 @@ void Viewer::PropertiesTab()
       set(edit);
     }
     this->Mark("property/" + std::string(name));
+    this->PropertyErrorText(key);
     ImGui::PopID();
   };
   if (b.Kind == BoxKind::Output)
@@ -413,18 +520,7 @@ void Viewer::PropertiesTab()
       if (table("output"))
       {
         textRow("name", box + ".name", name, "", "what the command line calls it",
-          [&](const std::string& v)
-          {
-            std::string error;
-            if (this->Doc.Rename("", box, v, error))
-            {
-              this->Selected = { "output:" + v };
-            }
-            else
-            {
-              this->Tell(error, true);
-            }
-          });
+          [&](const std::string& v) { this->RenameFromPanel(box, v); });
         textRow("file", box + ".file", o.File.Value, "none: only a name",
           "what is written; #### becomes the frame's number, without it only the last frame is written",
           [&](const std::string& v) { this->Doc.SetOutput(name, "file", v); });
@@ -442,22 +538,7 @@ void Viewer::PropertiesTab()
     if (table("node"))
     {
       textRow("name", box + ".name", box, "", "how links and the command line call this node",
-        [&](const std::string& v)
-        {
-          std::string error;
-          if (this->Doc.Rename(this->Scope, box, v, error))
-          {
-            if (this->A.Node == box)
-            {
-              this->A.Node = v;
-            }
-            this->Selected = { v };
-          }
-          else
-          {
-            this->Tell(error, true);
-          }
-        });
+        [&](const std::string& v) { this->RenameFromPanel(box, v); });
       ImGui::EndTable();
     }
     ImGui::Separator();
@@ -505,7 +586,7 @@ void Viewer::PropertiesTab()
             detail::ParseDouble(row.DefaultText, -1e300, 1e300, d, error);
             row.Minimum = std::max(row.Minimum, d >= 0 ? 0 : -1e300);
           }
-          this->PropertyRow(this->Scope, box, row, "");
+          this->PropertyRow(this->Scope, box, row);
         }
         ImGui::EndTable();
       }
@@ -529,24 +610,14 @@ void Viewer::PropertiesTab()
       }();
       for (const Property& row : b.Description->Properties)
       {
-        std::string now;
-        if (this->LastGood && this->LastGood->Pipeline)
-        {
-          const int g = this->LastGood->Pipeline->Find(this->NodePathOf(box));
-          if (g >= 0)
-          {
-            for (const GraphProperty& p : this->LastGood->Pipeline->Nodes[std::size_t(g)].Properties)
-            {
-              now = p.Name == row.Name ? p.Text : now;
-            }
-          }
-        }
-        this->PropertyRow(this->Scope, box, row, now);
+        this->PropertyRow(this->Scope, box, row);
       }
       ImGui::EndTable();
       if (b.Description->Properties.empty())
       {
+        ImGui::PushTextWrapPos(0);
         ImGui::TextColored(Colors::Dim, "It has nothing to set.");
+        ImGui::PopTextWrapPos();
       }
     }
     // Its links.
@@ -656,6 +727,7 @@ void Viewer::TemplatePanel()
   }
   ImGui::Dummy(ImVec2(0, this->S(6)));
   std::string remove;
+  std::pair<std::string, std::string> renamed;
   const auto table = [&](const char* title, const std::vector<PipelinePort>& ports, bool inputs)
   {
     Heading(this->Win, title);
@@ -674,8 +746,28 @@ void Viewer::TemplatePanel()
         ImGui::PushID(p.Name.Value.c_str());
         ImGui::TableNextRow();
         ImGui::TableNextColumn();
-        ImGui::TextUnformatted(p.Name.Value.c_str());
-        this->Tooltip(p.Doc.Value);
+        if (editable)
+        {
+          std::string& edit = this->EditTexts["port " + this->Scope + " " + p.Name.Value];
+          if (ImGui::GetActiveID() != ImGui::GetID("##port"))
+          {
+            edit = p.Name.Value;
+          }
+          ImGui::SetNextItemWidth(-1);
+          ImGui::InputText("##port", &edit);
+          if (ImGui::IsItemDeactivatedAfterEdit() && edit != p.Name.Value)
+          {
+            renamed = { p.Name.Value, edit };
+          }
+          this->Mark("port/rename/" + p.Name.Value);
+          this->Tooltip((p.Doc.Value.empty() ? std::string() : p.Doc.Value + "\n") + "type to rename; links follow");
+          this->PropertyErrorText("port:" + this->Scope + "." + p.Name.Value);
+        }
+        else
+        {
+          ImGui::TextUnformatted(p.Name.Value.c_str());
+          this->Tooltip(p.Doc.Value);
+        }
         ImGui::TableNextColumn();
         const std::string what = inputs ? p.Type.Value : p.From.Value;
         ImGui::TextColored(what.empty() && !inputs ? Colors::Warning : Colors::Dim, "%s",
@@ -698,6 +790,17 @@ void Viewer::TemplatePanel()
   if (!remove.empty())
   {
     this->Doc.RemoveTemplatePort(this->Scope, remove);
+  }
+  if (!renamed.first.empty())
+  {
+    std::string error;
+    if (!this->Doc.RenameTemplatePort(this->Scope, renamed.first, renamed.second, error))
+    {
+      this->PropertyError = error;
+      this->PropertyErrorOf = "port:" + this->Scope + "." + renamed.first;
+      this->PropertyErrorAt = this->Doc.Revision();
+    }
+    return;
   }
   if (!editable)
   {
@@ -1336,22 +1439,48 @@ void Viewer::MessagesPanel(const ImVec2& min, const ImVec2& max)
   ImGui::Begin("##messages", nullptr,
     ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
       ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing);
+  // How many there are, on the right; a click on it leaves one line of them.
+  const int errors = this->Checked->Errors, all = int(this->Checked->Messages.size());
+  const int warnings = all - errors;
+  std::string count = errors > 0 ? std::to_string(errors) + (errors == 1 ? " mistake" : " mistakes") : std::string();
+  count += warnings > 0 ? (count.empty() ? "" : ", ") + std::to_string(warnings) + (warnings == 1 ? " hint" : " hints")
+                        : std::string();
+  count += this->MessagesOpen ? "  \u25be" : "  \u25b8";
+  ImGui::PushFont(this->Win.Small());
+  const float countWidth = ImGui::CalcTextSize(count.c_str()).x + 2 * ImGui::GetStyle().FramePadding.x;
+  const ImVec2 start = ImGui::GetCursorPos();
+  const bool fold = all > 1 || !this->MessagesOpen;
+  if (fold)
+  {
+    ImGui::SetCursorPosX(ImGui::GetWindowWidth() - ImGui::GetStyle().ScrollbarSize - countWidth - this->S(4));
+    ImGui::SetCursorPosY(start.y + ImGui::GetScrollY());
+    if (ImGui::SmallButton((count + "##fold").c_str()))
+    {
+      this->MessagesOpen = !this->MessagesOpen;
+    }
+    this->Mark("messages/fold");
+    this->Tooltip(this->MessagesOpen ? "Leave one line of them" : "Show more of them");
+    ImGui::SetCursorPos(start);
+  }
+  ImGui::PopFont();
+  const float room = ImGui::GetContentRegionAvail().x - (fold ? countWidth + this->S(12) : 0.f);
   int i = 0;
   for (const Diagnostic& d : this->Checked->Messages)
   {
     ImGui::PushID(i);
-    if (ImGui::Selectable("##m"))
+    if (ImGui::Selectable("##m", false, 0, ImVec2(room, 0)))
     {
       const std::string top = TopOf(d.Node);
       if (!top.empty())
       {
         this->EnterScope("");
-        this->Selected = { top };
+        this->Reveal({ top });
       }
     }
     this->Mark("message/" + std::to_string(i));
-    this->Tooltip(d.ToText());
-    ImGui::SameLine(0, 0);
+    this->Tooltip((d.Where.empty() ? std::string() : d.Where + ": ") + d.What + (d.Hint.empty() ? "" : "\n" + d.Hint) +
+                  (d.Place.Line > 0 ? "\n" + d.Place.File + ", line " + std::to_string(d.Place.Line) : std::string()));
+    ImGui::SameLine(ImGui::GetStyle().WindowPadding.x);
     ImGui::PushFont(this->Win.Small());
     ImGui::TextColored(d.Level == Severity::Error ? Colors::Error : Colors::Warning, "%s",
       d.Level == Severity::Error ? "\u25cf" : "\u25b2");
@@ -1363,11 +1492,14 @@ void Viewer::MessagesPanel(const ImVec2& min, const ImVec2& max)
         here ? "" : (std::filesystem::path(d.Place.File).filename().string() + " ").c_str(), d.Place.Line);
       ImGui::SameLine();
     }
-    ImGui::TextUnformatted(((d.Where.empty() ? std::string() : d.Where + ": ") + d.What).c_str());
-    if (!d.Hint.empty())
+    const float left = room + ImGui::GetStyle().WindowPadding.x - ImGui::GetCursorPosX();
+    const std::string what = Fitted((d.Where.empty() ? std::string() : d.Where + ": ") + d.What, left);
+    ImGui::TextUnformatted(what.c_str());
+    const float rest = left - ImGui::CalcTextSize(what.c_str()).x - this->S(8);
+    if (!d.Hint.empty() && rest > this->S(40))
     {
       ImGui::SameLine();
-      ImGui::TextColored(Colors::Dim, "%s", d.Hint.c_str());
+      ImGui::TextColored(Colors::Dim, "%s", Fitted(d.Hint, rest).c_str());
     }
     ImGui::PopFont();
     ImGui::PopID();

@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The command line: what it takes is declared here, what it does is in the *Command.cxx files.
 #include "quellCommands.h"
-#include "quellRegisterColor.h"
-#include "quellRegisterDenoising.h"
-#include "quellRegisterImageIO.h"
-#include "quellRegisterMetrics.h"
-#include "quellRegisterRayTracing.h"
-#include "quellRegisterTemporal.h"
 #include "vtkSMPTools.h"
 
 #include <CLI/CLI.hpp>
@@ -20,22 +14,6 @@
 
 namespace quell
 {
-const StageRegistry& AllStages()
-{
-  static const StageRegistry registry = []
-  {
-    StageRegistry r;
-    RegisterRayTracingStages(r);
-    RegisterDenoisingStages(r);
-    RegisterTemporalStages(r);
-    RegisterImageIOStages(r);
-    RegisterColorStages(r);
-    RegisterMetricsStages(r);
-    return r;
-  }();
-  return registry;
-}
-
 std::pair<std::string, std::string> Assignment(const std::string& text, const std::string& option)
 {
   const std::size_t at = text.find('=');

@@ -2,6 +2,7 @@
 #ifndef quellCommands_h
 #define quellCommands_h
 
+#include "../quellAllStages.h"
 #include "quellExplain.h"
 #include "quellGraph.h"
 #include "quellPipelineExecutor.h"
@@ -86,9 +87,6 @@ struct TradeoffArguments : PipelineArguments
   int Seeds = 4, Repeats = 3;
   bool NoLedger = false, Quiet = false;
 };
-
-/// Every stage type of this program.
-const StageRegistry& AllStages();
 
 int RunCommand(const RunArguments& arguments);
 int ExplainCommand(const ExplainArguments& arguments);

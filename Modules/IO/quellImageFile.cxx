@@ -64,7 +64,8 @@ std::string CheckedFormat(const std::string& path)
   std::error_code ec;
   const fs::file_status status = fs::status(path, ec);
   if (!fs::exists(status))
-    Refuse("read", path, "there is no such file", "check the path (input paths are relative to the pipeline file)");
+    Refuse("read", path, "there is no such file", "check the path (those in a pipeline are relative to its file, those of the command line to the working "
+      "directory)");
   if (fs::is_directory(status))
     Refuse("read", path, "it is a directory", "name a file in it, or a pattern such as frame.####.exr");
   if (!fs::is_regular_file(status)) // opening it might wait for ever
@@ -631,7 +632,7 @@ vtkSmartPointer<vtkImageData> ReadImageFile(const std::string& path, ReadReport*
           }
           const std::string near = NearestName(name, names);
           Refuse("read", path, "it has no array \"" + name + "\"",
-            (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "It holds " + list);
+            (near.empty() ? std::string("it holds ") : "did you mean \"" + near + "\"? It holds ") + list);
         }
       auto image = vtkSmartPointer<vtkImageData>::New();
       ReadArrays(path, file, options, image);

@@ -116,6 +116,7 @@ void EditDocument::Clear()
 void EditDocument::Set(std::shared_ptr<const PipelineDocument> document)
 {
   this->Now = { document, {} };
+  this->ShownPlaces.clear();
   this->Undone.clear();
   this->Redone.clear();
   this->MergeKey.clear();
@@ -441,6 +442,7 @@ std::string EditDocument::MakeTemplate(const std::vector<std::string>& boxes, co
     return {};
   }
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   std::set<std::string> chosen;
   for (const PipelineNode& n : d.Nodes)
   {
@@ -737,6 +739,7 @@ bool EditDocument::AddTemplateInput(
   const std::string& scope, const std::string& name, const std::string& type, std::string& error)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   PipelineTemplate* t = this->EditTemplate(d, scope);
   if (!CanAddPort(t, name, error))
   {
@@ -755,6 +758,7 @@ bool EditDocument::AddTemplateOutput(
   const std::string& scope, const std::string& name, const std::string& from, std::string& error)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   PipelineTemplate* t = this->EditTemplate(d, scope);
   if (!CanAddPort(t, name, error))
   {
@@ -772,6 +776,7 @@ bool EditDocument::AddTemplateOutput(
 bool EditDocument::RemoveTemplatePort(const std::string& scope, const std::string& name)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   PipelineTemplate* t = this->EditTemplate(d, scope);
   if (!t)
   {
@@ -837,6 +842,110 @@ bool EditDocument::RemoveTemplatePort(const std::string& scope, const std::strin
   }
   this->DraftPositions.erase(PositionKey(scope, "port:" + name));
   this->Commit("delete port " + name);
+  return true;
+}
+
+bool EditDocument::RenameTemplatePort(
+  const std::string& scope, const std::string& port, const std::string& name, std::string& error)
+{
+  PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
+  PipelineTemplate* t = this->EditTemplate(d, scope);
+  if (name == port)
+  {
+    return true;
+  }
+  if (!CanAddPort(t, name, error))
+  {
+    return false;
+  }
+  const auto named = [&port](const PipelinePort& p) { return p.Name.Value == port; };
+  const auto input = std::find_if(t->Inputs.begin(), t->Inputs.end(), named);
+  const auto output = std::find_if(t->Outputs.begin(), t->Outputs.end(), named);
+  const bool isInput = input != t->Inputs.end();
+  if (!isInput && output == t->Outputs.end())
+  {
+    error = "there is no port " + Quoted(port);
+    return false;
+  }
+  (isInput ? *input : *output).Name.Value = name;
+  if (isInput)
+  {
+    for (PipelineNode& n : t->Nodes)
+    {
+      for (PipelineInput& i : n.Inputs)
+      {
+        i.From.Value = i.From.Value == "@" + port ? "@" + name : i.From.Value;
+      }
+    }
+    for (PipelinePort& o : t->Outputs)
+    {
+      o.From.Value = o.From.Value == "@" + port ? "@" + name : o.From.Value;
+    }
+  }
+  // At the instances, in the pipeline and in templates.
+  const auto inScope =
+    [&](std::vector<PipelineNode>& nodes, const std::function<void(const std::function<void(PipelineText&)>&)>& others)
+  {
+    std::set<std::string> read;
+    for (PipelineNode& n : nodes)
+    {
+      if (n.IsInstance && n.Type.Value == scope)
+      {
+        read.insert(n.Id.Value + ":" + port);
+        for (PipelineInput& i : n.Inputs)
+        {
+          i.Port.Value = isInput && i.Port.Value == port ? name : i.Port.Value;
+        }
+      }
+    }
+    const auto follow = [&](PipelineText& from)
+    {
+      if (!isInput && read.count(from.Value))
+      {
+        from.Value = from.Value.substr(0, from.Value.size() - port.size()) + name;
+      }
+    };
+    for (PipelineNode& n : nodes)
+    {
+      for (PipelineInput& i : n.Inputs)
+      {
+        follow(i.From);
+      }
+    }
+    others(follow);
+  };
+  inScope(d.Nodes,
+    [&d](const std::function<void(PipelineText&)>& follow)
+    {
+      for (PipelineOutput& o : d.Outputs)
+      {
+        follow(o.From);
+        for (PipelineLayer& l : o.Layers)
+        {
+          follow(l.From);
+        }
+      }
+    });
+  for (PipelineTemplate& other : d.Templates)
+  {
+    inScope(other.Nodes,
+      [&other](const std::function<void(PipelineText&)>& follow)
+      {
+        for (PipelinePort& p : other.Outputs)
+        {
+          follow(p.From);
+        }
+      });
+  }
+  const auto at = this->DraftPositions.find(PositionKey(scope, PortPrefix + port));
+  if (at != this->DraftPositions.end())
+  {
+    const auto where = at->second;
+    this->DraftPositions.erase(at);
+    this->DraftPositions[PositionKey(scope, PortPrefix + name)] = where;
+  }
+  this->Commit("rename port " + port);
   return true;
 }
 
@@ -915,6 +1024,49 @@ std::string EditDocument::FreeName(const std::string& scope, const std::string& 
   }
 }
 
+void EditDocument::SetShownPlaces(const PipelinePositions& places)
+{
+  for (const auto& p : places)
+  {
+    this->ShownPlaces[p.first] = { std::floor(p.second.first + 0.5), std::floor(p.second.second + 0.5) };
+  }
+}
+
+/// In a draft that changes which boxes there are: else the others would be laid out anew.
+void EditDocument::KeepPlaces()
+{
+  const PipelineDocument& d = *this->Now.Document;
+  const auto keep = [this](const std::string& scope, const std::string& box)
+  {
+    const std::string key = PositionKey(scope, box);
+    const auto shown = this->ShownPlaces.find(key);
+    if (shown != this->ShownPlaces.end())
+    {
+      this->DraftPositions.emplace(key, shown->second);
+    }
+  };
+  for (const PipelineNode& n : d.Nodes)
+  {
+    keep("", n.Id.Value);
+  }
+  for (const PipelineOutput& o : d.Outputs)
+  {
+    keep("", OutputPrefix + o.Name.Value);
+  }
+  for (const PipelineTemplate& t : d.Templates)
+  {
+    keep(t.Name.Value, "@");
+    for (const PipelineNode& n : t.Nodes)
+    {
+      keep(t.Name.Value, n.Id.Value);
+    }
+    for (const PipelinePort& p : t.Outputs)
+    {
+      keep(t.Name.Value, PortPrefix + p.Name.Value);
+    }
+  }
+}
+
 void EditDocument::Place(const std::string& scope, const std::string& box, double x, double y)
 {
   this->DraftPositions[PositionKey(scope, box)] = { std::floor(x + 0.5), std::floor(y + 0.5) };
@@ -925,6 +1077,7 @@ std::string EditDocument::AddNode(
   const std::string& scope, const std::string& type, double x, double y, const std::string& idHint)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
   if (!nodes)
   {
@@ -959,6 +1112,7 @@ std::string EditDocument::AddNode(
 std::string EditDocument::AddInstance(const std::string& scope, const std::string& templateName, double x, double y)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
   if (!nodes)
   {
@@ -978,6 +1132,7 @@ std::string EditDocument::AddInstance(const std::string& scope, const std::strin
 bool EditDocument::Remove(const std::string& scope, const std::vector<std::string>& boxes, bool reconnect)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
   if (!nodes)
   {
@@ -1069,6 +1224,7 @@ std::vector<std::string> EditDocument::Duplicate(
   const std::string& scope, const std::vector<std::string>& boxes, double dx, double dy)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
   std::vector<std::string> made;
   if (!nodes)
@@ -1110,10 +1266,11 @@ std::vector<std::string> EditDocument::Duplicate(
     PipelineNode copy = *n;
     copy.Id = TextAt(d, name);
     copies.push_back(copy);
-    const auto at = this->Now.Positions.find(PositionKey(scope, box));
-    if (at != this->Now.Positions.end())
+    const auto at = this->DraftPositions.find(PositionKey(scope, box));
+    if (at != this->DraftPositions.end())
     {
-      this->Place(scope, name, at->second.first + dx, at->second.second + dy);
+      const auto place = at->second;
+      this->Place(scope, name, place.first + dx, place.second + dy);
     }
     made.push_back(name);
   }
@@ -1148,6 +1305,7 @@ bool EditDocument::Rename(const std::string& scope, const std::string& box, cons
     return false;
   }
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   if (HasPrefix(box, OutputPrefix))
   {
     const std::string old = After(box, OutputPrefix);
@@ -1245,27 +1403,50 @@ void EditDocument::Arrange(
   this->Commit("arrange");
 }
 
-std::string EditDocument::CopyXml(const std::string& scope, const std::vector<std::string>& boxes) const
+std::string EditDocument::CopyXml(
+  const std::string& scope, const std::vector<std::string>& boxes, std::size_t* count) const
 {
   PipelineDocument copy;
   copy.Version = "1";
+  PipelinePositions positions;
+  const auto chosen = [&](const std::string& box)
+  {
+    if (std::find(boxes.begin(), boxes.end(), box) == boxes.end())
+    {
+      return false;
+    }
+    const std::string key = PositionKey(scope, box);
+    const auto at = this->Now.Positions.find(key), shown = this->ShownPlaces.find(key);
+    if (at != this->Now.Positions.end())
+    {
+      positions[box] = at->second;
+    }
+    else if (shown != this->ShownPlaces.end())
+    {
+      positions[box] = shown->second;
+    }
+    return true;
+  };
   for (const PipelineNode& n : this->Nodes(scope))
   {
-    if (std::find(boxes.begin(), boxes.end(), n.Id.Value) != boxes.end())
+    if (chosen(n.Id.Value))
     {
       copy.Nodes.push_back(n);
     }
   }
-  PipelinePositions positions;
-  for (const PipelineNode& n : copy.Nodes)
+  for (const PipelineOutput& o : this->Now.Document->Outputs)
   {
-    const auto at = this->Now.Positions.find(PositionKey(scope, n.Id.Value));
-    if (at != this->Now.Positions.end())
+    if (scope.empty() && chosen(OutputPrefix + o.Name.Value))
     {
-      positions[n.Id.Value] = at->second;
+      copy.Outputs.push_back(o);
     }
   }
-  return copy.Nodes.empty() ? std::string() : WithPipelinePositions(WritePipelineText(copy), positions);
+  const std::size_t all = copy.Nodes.size() + copy.Outputs.size();
+  if (count)
+  {
+    *count = all;
+  }
+  return all == 0 ? std::string() : WithPipelinePositions(WritePipelineText(copy), positions);
 }
 
 std::vector<std::string> EditDocument::PasteXml(
@@ -1273,6 +1454,7 @@ std::vector<std::string> EditDocument::PasteXml(
 {
   std::vector<std::string> made;
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);
   if (!nodes)
   {
@@ -1284,7 +1466,8 @@ std::vector<std::string> EditDocument::PasteXml(
   // A bare <node> is a paste, too.
   const std::size_t first = whole.find_first_not_of(" \t\r\n");
   if (first != std::string::npos &&
-      (whole.compare(first, 5, "<node") == 0 || whole.compare(first, 9, "<instance") == 0))
+      (whole.compare(first, 5, "<node") == 0 || whole.compare(first, 9, "<instance") == 0 ||
+        whole.compare(first, 7, "<output") == 0))
   {
     whole = "<pipeline version=\"1\">" + whole + "</pipeline>";
   }
@@ -1294,9 +1477,11 @@ std::vector<std::string> EditDocument::PasteXml(
     error = "the clipboard holds no nodes: " + messages.All().front().What;
     return made;
   }
-  if (pasted->Nodes.empty())
+  const bool outputs = scope.empty() && !pasted->Outputs.empty();
+  if (pasted->Nodes.empty() && !outputs)
   {
-    error = "the clipboard holds no nodes";
+    error = pasted->Outputs.empty() ? "the clipboard holds no nodes"
+                                    : "the clipboard holds outputs to files, which a template cannot have";
     return made;
   }
   const PipelinePositions positions = ReadPipelinePositions(whole);
@@ -1357,6 +1542,65 @@ std::vector<std::string> EditDocument::PasteXml(
     }
     nodes->push_back(n);
     made.push_back(n.Id.Value);
+  }
+  for (std::size_t k = 0; outputs && k < pasted->Outputs.size(); ++k)
+  {
+    PipelineOutput o = pasted->Outputs[k];
+    const std::string old = o.Name.Value, file = o.File.Value;
+    const auto stands = [&d](const PipelineOutput& wanted)
+    {
+      return std::any_of(d.Outputs.begin(), d.Outputs.end(),
+        [&](const PipelineOutput& other)
+        {
+          return other.Name.Value == wanted.Name.Value ||
+                 (!wanted.File.Value.empty() && other.File.Value == wanted.File.Value);
+        });
+    };
+    // Two outputs of one name, or into one file, cannot be. The number stands before the frame's and the extension.
+    std::size_t stem = std::min(file.size(), file.find_last_of('.'));
+    while (stem > 0 && (file[stem - 1] == '#' || (stem < file.size() && file[stem] == '#' && file[stem - 1] == '.')))
+    {
+      --stem;
+    }
+    for (int i = 2; stands(o); ++i)
+    {
+      o.Name.Value = old + std::to_string(i);
+      o.File.Value = file.empty() ? file : file.substr(0, stem) + "-" + std::to_string(i) + file.substr(stem);
+    }
+    const auto follow = [&](PipelineText& from)
+    {
+      for (const auto& name : names)
+      {
+        if (RefersTo(from.Value, name.first))
+        {
+          from.Value = Renamed(from.Value, name.first, name.second);
+          return;
+        }
+      }
+      const std::string id = TopOf(NodeOfReference(from.Value));
+      if (std::none_of(nodes->begin(), nodes->end(), [&id](const PipelineNode& n) { return n.Id.Value == id; }))
+      {
+        from = PipelineText(); // to be connected
+      }
+    };
+    follow(o.From);
+    for (PipelineLayer& l : o.Layers)
+    {
+      follow(l.From);
+    }
+    const std::string box = OutputPrefix + o.Name.Value;
+    const auto at = positions.find(OutputPrefix + old);
+    if (at != positions.end())
+    {
+      this->Place("", box, x + at->second.first - left, y + at->second.second - top);
+    }
+    else
+    {
+      this->Place("", box, x + 30 * count, y + 30 * count);
+      ++count;
+    }
+    d.Outputs.push_back(o);
+    made.push_back(box);
   }
   this->Commit(made.size() == 1 ? "paste " + made.front() : "paste " + std::to_string(made.size()) + " nodes");
   return made;
@@ -1527,6 +1771,7 @@ bool EditDocument::PutOnLink(const std::string& scope, const std::string& box, i
     return false;
   }
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   PipelineNode* middle = this->EditNode(d, scope, node);
   PipelineText* from = nullptr;
   if (HasPrefix(box, OutputPrefix))
@@ -1834,6 +2079,7 @@ void EditDocument::SetTime(const std::string& first, const std::string& count, c
 std::string EditDocument::AddOutput(const std::string& from, double x, double y)
 {
   PipelineDocument& d = this->Begin();
+  this->KeepPlaces();
   const std::string name = this->FreeName("", std::string(OutputPrefix) + "beauty");
   PipelineOutput o;
   o.Name = TextAt(d, name);

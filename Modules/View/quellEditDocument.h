@@ -71,10 +71,16 @@ public:
   /// Every reference in the scope follows.
   bool Rename(const std::string& scope, const std::string& box, const std::string& name, std::string& error);
   void Move(const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to);
+  /// Where boxes without a place of their own are drawn, by PositionKey. When boxes come, go or get another name, they
+  /// stay there: the file then says so, too.
+  void SetShownPlaces(const PipelinePositions& places);
   /// Of all boxes of a scope at once, as one step.
   void Arrange(const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to);
-  std::string CopyXml(const std::string& scope, const std::vector<std::string>& boxes) const;
-  /// Nodes and instances of a pipeline text; ids that exist get a number, references among them follow.
+  /// Nodes, instances and the pipeline's outputs; `count`: how many of the boxes these are.
+  std::string CopyXml(
+    const std::string& scope, const std::vector<std::string>& boxes, std::size_t* count = nullptr) const;
+  /// Nodes, instances and, into a pipeline, outputs of a pipeline text; names that exist get a number, references among
+  /// them follow.
   std::vector<std::string> PasteXml(
     const std::string& scope, const std::string& text, double x, double y, std::string& error);
   ///@}
@@ -127,6 +133,9 @@ public:
     const std::string& scope, const std::string& name, const std::string& from, std::string& error);
   /// With the links that use it, in the template and at its instances.
   bool RemoveTemplatePort(const std::string& scope, const std::string& name);
+  /// Links in the template and at its instances follow.
+  bool RenameTemplatePort(
+    const std::string& scope, const std::string& port, const std::string& name, std::string& error);
   ///@}
   void SetTime(const std::string& first, const std::string& count, const std::string& rate);
   std::string AddOutput(const std::string& from, double x, double y);
@@ -165,12 +174,14 @@ private:
   std::string FreeTemplateName(const std::string& hint) const;
   void Locate();
   void Place(const std::string& scope, const std::string& box, double x, double y);
+  void KeepPlaces();
   void MovePaths(const std::string& directory);
 
   const StageRegistry* Registry = nullptr;
   State Now;
   std::shared_ptr<PipelineDocument> Draft;
   PipelinePositions DraftPositions;
+  PipelinePositions ShownPlaces;
   std::vector<Step> Undone, Redone; ///< Redone holds what Redo puts back
   std::string MergeKey;
   std::string Path, SavedText; ///< as it is on disk

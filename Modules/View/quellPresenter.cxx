@@ -126,8 +126,13 @@ Histogram HistogramOf(const Picture& picture, bool logarithmic)
   std::sort(sample.begin(), sample.end());
   const double low = double(sample[sample.size() / 500]),
                high = double(sample[sample.size() - 1 - sample.size() / 500]);
-  h.Low = logarithmic ? std::log10(low) : std::min(0., low);
-  h.High = logarithmic ? std::log10(high) : high;
+  h.Low = std::min(0., low);
+  h.High = high;
+  if (logarithmic)
+  {
+    h.High = std::log10(*std::max_element(h.Maximum.begin(), h.Maximum.begin() + h.Channels));
+    h.Low = std::max(std::log10(low), h.High - 6);
+  }
   if (!(h.High > h.Low))
   {
     h.High = h.Low + 1;
@@ -161,6 +166,50 @@ Histogram HistogramOf(const Picture& picture, bool logarithmic)
     }
   }
   return h;
+}
+
+DifferenceFigures DifferenceOf(const Picture& a, const Picture& b)
+{
+  DifferenceFigures d;
+  const ImageIn x = View(a), y = View(b);
+  if (!x || !y || x.extent.width() != y.extent.width() || x.extent.height() != y.extent.height() ||
+      x.components != y.components)
+  {
+    return d;
+  }
+  std::int64_t count = 0;
+  double sum = 0;
+  for (int row = 0; row < x.extent.height(); ++row)
+  {
+    for (int column = 0; column < x.extent.width(); ++column)
+    {
+      const float* u = x.at(x.extent.x0 + column, x.extent.y0 + row);
+      const float* v = y.at(y.extent.x0 + column, y.extent.y0 + row);
+      bool one = false;
+      for (int c = 0; c < x.components; ++c)
+      {
+        const bool finite = std::isfinite(u[c]) && std::isfinite(v[c]);
+        one = one || std::isfinite(u[c]) != std::isfinite(v[c]);
+        if (!finite)
+        {
+          continue;
+        }
+        const double e = std::fabs(double(u[c]) - double(v[c]));
+        sum += e;
+        ++count;
+        if (e > d.Largest)
+        {
+          d.Largest = e;
+          d.LargestX = column;
+          d.LargestY = row;
+        }
+      }
+      d.OnlyOneFinite += one ? 1 : 0;
+    }
+  }
+  d.Known = true;
+  d.Mean = count > 0 ? sum / double(count) : 0;
+  return d;
 }
 
 Picture Compare(const Picture& a, const Picture& b, CompareMap map, double gain, std::string& error)
@@ -277,6 +326,7 @@ struct Presenter::Internals
     {
       p.Map = before->Map;
       p.MapError = before->MapError;
+      p.Difference = before->Difference;
       p.Bars = before->Bars;
       p.Errors = before->Errors;
       p.ErrorsText = before->ErrorsText;
@@ -303,6 +353,7 @@ struct Presenter::Internals
     this->Publish(p);
     p.Map = DisplayImage();
     p.MapError.clear();
+    p.Difference = wish.Map != CompareMap::None ? DifferenceOf(wish.A, wish.B) : DifferenceFigures();
     if (wish.Map != CompareMap::None)
     {
       const Picture map = Compare(wish.A, wish.B, wish.Map, wish.Gain, p.MapError);

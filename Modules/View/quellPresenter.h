@@ -47,12 +47,24 @@ struct Histogram
   static constexpr int Bins = 128;
   int Channels = 0;
   double Low = 0, High = 1;
-  bool Logarithmic = false; ///< bins are equal in log10
+  bool Logarithmic = false; ///< bins are equal in log10, and so are Low and High
   std::array<std::array<int, Bins>, 3> Counts{};
   std::array<double, 3> Mean{}, Minimum{}, Maximum{};
   std::int64_t Below = 0, Above = 0, NonFinite = 0, Pixels = 0;
 };
+/// Low and High leave 0.2 % of the values out on either side. Logarithmic: they span all values above 0, at most six
+/// decades below the largest.
 VTKQUELLVIEW_EXPORT Histogram HistogramOf(const Picture& picture, bool logarithmic);
+
+/// How far two pictures of one size and number of channels are from each other, over all channels.
+struct DifferenceFigures
+{
+  bool Known = false;
+  double Largest = 0, Mean = 0;   ///< of |A - B|
+  int LargestX = 0, LargestY = 0; ///< from the bottom left
+  std::int64_t OnlyOneFinite = 0; ///< pixels in which one of them has a number and the other has none
+};
+VTKQUELLVIEW_EXPORT DifferenceFigures DifferenceOf(const Picture& a, const Picture& b);
 
 /// A map of how two pictures differ; empty with a sentence where they cannot be compared.
 VTKQUELLVIEW_EXPORT Picture Compare(
@@ -77,6 +89,7 @@ struct Presentation
   PresentWish Wish;
   DisplayImage A, B, Map;
   std::string MapError;
+  DifferenceFigures Difference; ///< where a map is wished for
   Histogram Bars;
   std::vector<std::pair<std::string, double>> Errors;
   std::string ErrorsText; ///< why there are none

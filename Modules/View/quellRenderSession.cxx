@@ -32,6 +32,36 @@ bool SameOptions(const GraphOptions& a, const GraphOptions& b)
          a.OutputDirectory == b.OutputDirectory && a.Outside == b.Outside;
 }
 
+/// What is wrong with a pipeline, for somebody who looks at it: here every node runs that is shown, so one line says
+/// that a run would have nothing to write.
+std::vector<Diagnostic> ForViewer(const PipelineDocument& document, const std::vector<Diagnostic>& all)
+{
+  std::vector<Diagnostic> messages;
+  bool idle = false;
+  for (Diagnostic d : all)
+  {
+    if (d.What == "feeds no output and will not run")
+    {
+      if (document.Outputs.empty())
+      {
+        idle = true;
+        continue;
+      }
+      d.What = "feeds no output: quell run leaves it out";
+    }
+    messages.push_back(d);
+  }
+  if (idle)
+  {
+    Diagnostic d;
+    d.Level = Severity::Warning;
+    d.What = "no output: quell run has nothing to write";
+    d.Hint = "+ Node, output adds one";
+    messages.push_back(d);
+  }
+  return messages;
+}
+
 /// What a wish changes beside the ways to get there.
 bool SamePicture(const ViewWish& a, const ViewWish& b)
 {
@@ -275,7 +305,7 @@ struct RenderSession::Internals
     }
     auto check = std::make_shared<ViewCheck>();
     check->Document = wish.Document;
-    check->Messages = messages.All();
+    check->Messages = ForViewer(*wish.Document, messages.All());
     check->Errors = messages.ErrorCount();
     if (graph)
     {

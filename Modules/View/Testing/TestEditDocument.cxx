@@ -213,6 +213,69 @@ TEST(EditDocument, NodesTravelAsXml)
   EXPECT_TRUE(other.PasteXml("", "<pipeline version=\"1\"/>", 0, 0, error).empty());
 }
 
+TEST(EditDocument, OutputsTravelWithTheirNodes)
+{
+  EditDocument d = Opened("quick.xml");
+  std::size_t count = 0;
+  const std::string xml = d.CopyXml("", { "modulate", "sum", "output:beauty" }, &count);
+  EXPECT_EQ(count, 3u);
+  EditDocument other;
+  std::string error;
+  EXPECT_EQ(other.PasteXml("", xml, 0, 0, error), (std::vector<std::string>{ "modulate", "sum", "output:beauty" }))
+    << error;
+  ASSERT_EQ(other.Get()->Outputs.size(), 1u);
+  EXPECT_EQ(other.Get()->Outputs[0].From.Value, d.Get()->Outputs[0].From.Value);
+  // Beside what is there: another name, another file, the copy's node.
+  const auto made = d.PasteXml("", xml, 0, 0, error);
+  EXPECT_EQ(made, (std::vector<std::string>{ "modulate2", "sum2", "output:beauty2" }));
+  const PipelineOutput& copy = d.Get()->Outputs.back();
+  EXPECT_EQ(copy.From.Value.substr(0, 4), "sum2");
+  EXPECT_EQ(copy.File.Value, "out/quick-2.exr");
+  EXPECT_NE(copy.File.Value, d.Get()->Outputs[0].File.Value);
+  EXPECT_EQ(Errors(d), 0);
+  // The number stands before the frame's.
+  EditDocument frames = Opened("svgf.xml");
+  const std::string one = frames.CopyXml("", { "output:beauty" });
+  ASSERT_EQ(frames.PasteXml("", one, 0, 0, error).size(), 1u) << error;
+  EXPECT_EQ(frames.Get()->Outputs.back().File.Value, "out/svgf-2.####.exr");
+  EXPECT_EQ(frames.Get()->Outputs.back().From.Value, frames.Get()->Outputs[0].From.Value);
+  EXPECT_TRUE(frames.PasteXml("svgf", one, 0, 0, error).empty()) << "a template writes no files";
+}
+
+TEST(EditDocument, BoxesKeepThePlacesTheyAreShownAt)
+{
+  EditDocument d = Opened("quick.xml");
+  PipelinePositions shown;
+  for (const PipelineNode& n : d.Nodes(""))
+  {
+    shown[n.Id.Value] = { 100. * double(shown.size()), 40 };
+  }
+  shown["output:beauty"] = { 900, 40 };
+  shown["stranger"] = { 1, 1 };
+  d.SetShownPlaces(shown);
+  EXPECT_FALSE(d.IsDirty());
+  d.SetProperty("", "blur", "SigmaSpatial", "3");
+  EXPECT_TRUE(d.Positions().empty()) << "no box came or went";
+  const auto blur = shown.at("blur");
+  std::string error;
+  ASSERT_TRUE(d.Rename("", "blur", "soft", error)) << error;
+  EXPECT_EQ(d.Positions().at("soft"), blur);
+  EXPECT_EQ(d.Positions().count("blur"), 0u);
+  EXPECT_EQ(d.Positions().count("stranger"), 0u);
+  EXPECT_EQ(d.Positions().at("output:beauty"), shown.at("output:beauty"));
+  d.Undo();
+  EXPECT_TRUE(d.Positions().empty());
+  d.Remove("", { "blur" });
+  EXPECT_EQ(d.Positions().count("blur"), 0u);
+  EXPECT_EQ(d.Positions().at("pt"), shown.at("pt"));
+  // A place of its own is not touched.
+  d.Undo();
+  d.Move("", { { "pt", { 7, 8 } } });
+  d.AddNode("", "Sum", 0, 0);
+  EXPECT_EQ(d.Positions().at("pt"), (std::pair<double, double>(7, 8)));
+  EXPECT_EQ(d.Positions().at("blur"), shown.at("blur"));
+}
+
 TEST(EditDocument, InsertingOnALinkIsOneStep)
 {
   EditDocument d = Opened("quick.xml");
@@ -388,6 +451,53 @@ TEST(EditDocument, ATemplateOfAnotherFileIsCopiedAndGetsPorts)
   EXPECT_EQ(d.FindTemplate(own)->Parameters.back().Name.Value, "sigmaDepth");
   EXPECT_EQ(d.FindProperty(own, "atrous", "SigmaDepth")->Value, "$(sigmaDepth)");
   EXPECT_EQ(Errors(d), 0);
+}
+
+TEST(EditDocument, PortsOfATemplateGetOtherNames)
+{
+  EditDocument d = Opened("svgf.xml");
+  std::string error;
+  EXPECT_FALSE(d.RenameTemplatePort("svgf", "radiance", "light", error)) << "another file's";
+  const std::string own = d.AdoptTemplate("svgf", error);
+  ASSERT_EQ(own, "svgf2") << error;
+  const auto before = d.Get();
+  ASSERT_TRUE(d.RenameTemplatePort(own, "radiance", "light", error)) << error;
+  EXPECT_EQ(d.FindTemplate(own)->Inputs.front().Name.Value, "light");
+  int outside = 0, inside = 0;
+  for (const char* instance : { "direct", "indirect" })
+  {
+    for (const PipelineInput& i : d.FindNode("", instance)->Inputs)
+    {
+      EXPECT_NE(i.Port.Value, "radiance");
+      outside += i.Port.Value == "light" ? 1 : 0;
+    }
+  }
+  for (const PipelineNode& n : d.Nodes(own))
+  {
+    for (const PipelineInput& i : n.Inputs)
+    {
+      EXPECT_NE(i.From.Value, "@radiance");
+      inside += i.From.Value == "@light" ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(outside, 2);
+  EXPECT_GT(inside, 0);
+  EXPECT_EQ(Errors(d), 0);
+  ASSERT_TRUE(d.RenameTemplatePort(own, "out", "clean", error)) << error;
+  EXPECT_EQ(Errors(d), 0);
+  int read = 0;
+  for (const PipelineInput& i : d.FindNode("", "sum")->Inputs)
+  {
+    read += i.From.Value == "direct:clean" || i.From.Value == "indirect:clean" ? 1 : 0;
+  }
+  EXPECT_EQ(read, 2);
+  EXPECT_FALSE(d.RenameTemplatePort(own, "light", "clean", error));
+  EXPECT_NE(error.find("already"), std::string::npos);
+  EXPECT_FALSE(d.RenameTemplatePort(own, "light", "no name", error));
+  EXPECT_FALSE(d.RenameTemplatePort(own, "nowhere", "x", error));
+  d.Undo();
+  d.Undo();
+  EXPECT_EQ(*d.Get(), *before);
 }
 
 // Lines in messages are those of the text as it would be saved now.

@@ -143,6 +143,44 @@ TEST(Histogram, CountsEveryFiniteValueOnce)
   EXPECT_DOUBLE_EQ(h.Maximum[0], 4);
 }
 
+TEST(Histogram, TheLogarithmicAxisReachesFromTheSmallToTheLargest)
+{
+  // A lamp of 1000 over a wall of 0.1, and a pixel that got nothing.
+  std::vector<float> values(1000, 0.1f);
+  values[0] = 1000;
+  values[1] = 0;
+  values[2] = 1e-9f;
+  const Picture p = Make("depth", ArrayKind::Depth, 1000, 1, 1, values);
+  const Histogram h = HistogramOf(p, true);
+  EXPECT_TRUE(h.Logarithmic);
+  EXPECT_NEAR(h.High, 3, 1e-6);
+  EXPECT_GE(h.Low, -3);
+  EXPECT_LE(h.Low, -0.99);
+  EXPECT_EQ(h.Counts[0][Histogram::Bins - 1], 1) << "the lamp is on the axis";
+  EXPECT_EQ(h.Below, 2) << "nothing, and next to nothing";
+  EXPECT_EQ(h.Above, 0);
+  const Histogram linear = HistogramOf(p, false);
+  EXPECT_LT(linear.High, 1);
+  EXPECT_EQ(linear.Above, 1);
+}
+
+TEST(Compare, FiguresOfTheDifference)
+{
+  const float nan = std::nanf("");
+  const Picture a = Make("radiance", ArrayKind::Color, 2, 2, 3, { 1, 1, 1, 2, 2, 2, 3, 3, 3, nan, 0, 0 });
+  const Picture b = Make("radiance", ArrayKind::Color, 2, 2, 3, { 1, 1, 1, 2, 2.5f, 2, 3, 3, 1, 0, 0, 0 });
+  const DifferenceFigures d = DifferenceOf(a, b);
+  EXPECT_TRUE(d.Known);
+  EXPECT_DOUBLE_EQ(d.Largest, 2);
+  EXPECT_EQ(d.LargestX, 0);
+  EXPECT_EQ(d.LargestY, 1);
+  EXPECT_DOUBLE_EQ(d.Mean, 2.5 / 11) << "of the eleven pairs of numbers";
+  EXPECT_EQ(d.OnlyOneFinite, 1);
+  EXPECT_EQ(DifferenceOf(a, a).Largest, 0);
+  EXPECT_EQ(DifferenceOf(a, a).OnlyOneFinite, 0);
+  EXPECT_FALSE(DifferenceOf(a, Make("radiance", ArrayKind::Color, 1, 1, 3, { 1, 1, 1 })).Known);
+}
+
 TEST(Presenter, GivesPicturesMapsAndErrors)
 {
   Presenter presenter;
