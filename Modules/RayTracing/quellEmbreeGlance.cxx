@@ -115,4 +115,25 @@ void EmbreeScene::LookAtParts()
   }
 }
 
+void EmbreeScene::ListTriangles()
+{
+  this->Few.Clear();
+  bool all = this->Settings.TestAll && this->TriangleCount <= SmallScene::MostTriangles;
+  for (std::size_t i = 0; i < this->Parts.size() && all; ++i)
+  {
+    const Part& part = this->Parts[i];
+    if (part.Triangles == 0 || (part.Moves && !part.Shown))
+      continue;
+    // what filters decide is Embree's
+    all = part.InPlace && !part.AlphaTested && !part.OneSided && !part.Pane;
+    for (std::size_t k = 0; k < part.Triangles && all; ++k)
+    {
+      const std::uint32_t* v = &part.Corners[3 * k];
+      all = this->Few.Add(this->Corner(part, v[0]), this->Corner(part, v[1]), this->Corner(part, v[2]),
+        std::uint32_t(i), std::uint32_t(k));
+    }
+  }
+  if (!all || !this->Few.IsWorthIt())
+    this->Few.Clear();
+}
 }

@@ -60,6 +60,7 @@ void EmbreeScene::SetTime(double time, double previous)
   if (lights)
     this->BuildLights(poses);
   this->LookAtParts();
+  this->ListTriangles();
   this->PosedOpen = this->ShutterOpen;
   this->PosedClose = this->ShutterClose;
   this->HasPose = true;
@@ -277,6 +278,7 @@ void EmbreeScene::PosePart(Part& part, const ScenePose& pose, const ScenePose& p
           points[i] = Vec3f(m.Point(Vec3d(body.Points[i])));
       };
       bake(place, change.Now);
+      part.Open.Points.clear();
       if (part.Moved)
         bake(then, part.PreviousPoints);
       return;

@@ -5,6 +5,7 @@
 #include "quellBsdf.h"
 #include "quellLightSampler.h"
 #include "quellScene.h"
+#include "quellSmallScene.h"
 #include "quellTexelTable.h"
 #include "vtkQuellRayTracingModule.h"
 
@@ -79,6 +80,8 @@ public:
     /// triangles than this in all: rays then need no second space. A scene that has no more in all, still or not, is
     /// built anew as one hierarchy for every pose: rays then need not ask two.
     std::int64_t RebuiltTriangles = 16384;
+    /// Rays of wavefronts are tested against all triangles of scenes that are small enough (SmallScene).
+    bool TestAll = true;
     /// Chords of motion within the shutter stay within this fraction of the size of the part...
     double ChordError = 1e-4;
     /// ... as far as so many straight segments allow (powers of 2; at most 64).
@@ -154,6 +157,9 @@ public:
   Vec3f LightEmission(const LightSampler::Sample& s) const noexcept;
   /// Attenuation colour and distance of the volume that the hit surface bounds.
   bool Attenuation(const SurfaceHit& hit, Vec3f& color, float& distance) const noexcept;
+
+  /// Triangles that rays of wavefronts are all tested against; 0: hierarchies are asked.
+  int TestedTriangles() const noexcept { return this->Few.Triangles; }
 
   /// Lights that keep still while the shutter is open. DrawLight and the densities below know all.
   const LightSampler& Lights() const { return this->LightSource; }
@@ -317,6 +323,7 @@ private:
     bool Others = false; ///< the material has textures beside it, or there are vertex colours
   };
   void LookAtParts();
+  void ListTriangles();
   void LayOutTexels();
   /// An emitting triangle or punctual light that moves while the shutter is open.
   struct MovingTriangle
@@ -419,6 +426,7 @@ private:
   RTCScene Moving = nullptr; ///< what moves, if it is not in Rtc; null: nothing is there
   RTCScene Posed = nullptr;  ///< of these two the one that moving parts are in; null: nothing moves
   bool BakesRigid = false;   ///< Options::RebuiltTriangles
+  SmallScene Few;            ///< all that is in them, if it is little; empty: ask them
   /// Around all of it while the shutter is open, and a little more: most rays pass by and need not ask Embree. Empty
   /// (lower above upper) where there is nothing.
   RTCBounds MovingBox = {};

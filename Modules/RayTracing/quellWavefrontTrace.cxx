@@ -62,6 +62,13 @@ void WavefrontAccess::Intersect(const EmbreeScene& scene, EmbreeScene::Context& 
   const std::uint32_t* keys, std::vector<RecordedRay>* record) noexcept
 {
   const Wavefront::State& s = w.Live;
+  if (scene.Few.Triangles > 0)
+  {
+    lanes::Meet(scene.Few, w);
+    for (int i = 0; record && i < w.Count; ++i)
+      record->push_back({ { s.Ox[i], s.Oy[i], s.Oz[i] }, { s.Dx[i], s.Dy[i], s.Dz[i] }, Infinity, 0, 0 });
+    return;
+  }
   RTCRayHit r;
   for (int i = 0; i < w.Count; ++i)
   {
@@ -198,9 +205,22 @@ void WavefrontAccess::Hit(const EmbreeScene& scene, const Wavefront& w, int i, b
 std::int64_t WavefrontAccess::Occlude(const EmbreeScene& scene, EmbreeScene::Context& context, Wavefront& w,
   const std::uint32_t* keys, int panes, std::vector<RecordedRay>* record) noexcept
 {
+  std::int64_t count = 0;
+  if (scene.Few.Triangles > 0)
+  {
+    for (int i = 0; i < w.Count; ++i)
+    {
+      if (!w.Lit[i])
+        continue;
+      ++count;
+      if (record)
+        record->push_back({ { w.Kx[i], w.Ky[i], w.Kz[i] }, { w.Jx[i], w.Jy[i], w.Jz[i] }, w.Far[i], 1, 0 });
+    }
+    lanes::Block(scene.Few, w);
+    return count;
+  }
   context.Panes.Allowed = scene.Has.Panes ? std::min(panes, EmbreeScene::PanesMet::Most) : 0;
   RTCRay r;
-  std::int64_t count = 0;
   for (int i = 0; i < w.Count; ++i)
   {
     if (!w.Lit[i])

@@ -1218,6 +1218,9 @@ std::vector<std::string> vtkQuellPathTraceSource::Explain()
         made->SetTime(0, 0);
       }
       const quell::EmbreeScene& built = ready ? *in.Built : *made;
+      if (built.TestedTriangles() > 0)
+        lines.push_back("so few triangles that no hierarchy is asked: rays are tested against all " +
+                        std::to_string(built.TestedTriangles()));
       const quell::LightSampler& lamps = built.Lights();
       const std::size_t count = lamps.GetTriangles().size() + lamps.GetPunctual().size();
       if (scattered && count > 1)

@@ -321,7 +321,9 @@ TEST(Geometry, OnlyWhatMovedIsBuilt)
   b.Box(grey, { -1, -1, -1 }, { 1, 1, 1 });
   Animate(*b.Scene, int(b.Scene->Nodes.size()) - 1, AnimatedPath::Translation, { 0, 2 }, { 0, 0, 0, 1, 0, 0 });
   const std::int64_t vertices = std::int64_t(b.Scene->Meshes[0].Positions.size());
-  EmbreeScene scene(b.Scene);
+  EmbreeScene::Options apart;
+  apart.RebuiltTriangles = 0;
+  EmbreeScene scene(b.Scene, apart);
   scene.SetTime(0, -1);
   EmbreeScene::Statistics w = scene.GetStatistics();
   EXPECT_EQ(w.StillParts, 20);
@@ -343,6 +345,52 @@ TEST(Geometry, OnlyWhatMovedIsBuilt)
   scene.SetTime(10, 9); // and all is over
   w = scene.GetStatistics();
   EXPECT_EQ(w.Committed, 0);
+}
+
+TEST(Geometry, FewTrianglesAreTracedInPlaceAsThroughAMatrix)
+{
+  // one hierarchy of all, against one of what stands still and one of what moves
+  SceneBuilder b = Rigid();
+  const int grey = b.Add(SceneBuilder::Lambert(.5f));
+  b.Quad(grey, { -3, -1, 2 }, { 6, 0, 0 }, { 0, 0, -5 });
+  EmbreeScene::Options apart;
+  apart.RebuiltTriangles = 0;
+  EmbreeScene whole(b.Scene), two(b.Scene, apart);
+  for (double time : { 0., 1., 5., 2., 20. })
+  {
+    whole.SetTime(time, time - 1);
+    two.SetTime(time, time - 1);
+    EXPECT_EQ(whole.GetStatistics().Placed, 0);
+    EmbreeScene::Context context;
+    two.Begin(context);
+    int hits = 0, moved = 0;
+    ForEachHit(whole, 60,
+      [&](const TraceRay& ray, const SurfaceHit& hit)
+      {
+        SurfaceHit other;
+        ASSERT_TRUE(two.Intersect(context, ray, other));
+        if (other.Geometry != hit.Geometry || other.Primitive != hit.Primitive)
+          return; // on an edge
+        ++hits;
+        EXPECT_LT(Length(hit.P - other.P), 2e-6);
+        EXPECT_LT(Length(hit.Ng - other.Ng), 2e-6);
+        EXPECT_EQ(hit.Front, other.Front);
+        SurfacePoint p, q;
+        whole.Shade(hit, ray.Direction, p);
+        two.Shade(other, ray.Direction, q);
+        EXPECT_LT(Length(p.Normals.Shading - q.Normals.Shading), 2e-6);
+        Vec3d before, old;
+        const bool goes = whole.PreviousPosition(hit, before);
+        ASSERT_EQ(goes, two.PreviousPosition(other, old));
+        moved += goes;
+        if (goes)
+        {
+          EXPECT_LT(Length(before - old), 2e-6);
+        }
+      });
+    EXPECT_GT(hits, 500);
+    EXPECT_EQ(moved > 50, time > 0 && time < 9) << time;
+  }
 }
 
 TEST(Geometry, EmbreeBuildsOnlyWhatMoved)
