@@ -272,6 +272,7 @@ protected:
   ~vtkQuellPathTraceSource() override;
 
   void DescribeSource(int& width, int& height) override;
+  bool FillsOutputs() const override { return true; }
   void Execute(quell::StageFrame& frame) override;
 
 private:
