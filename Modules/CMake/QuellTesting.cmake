@@ -3,6 +3,15 @@
 #   quell::<folder>/<Suite>.<Name> with the label. QUELL_SOURCE_DIR and QUELL_SHARED_DATA (the neighbouring shared/data,
 #   which may not exist: skip then) are defined.
 include(GoogleTest)
+
+# quell_label_test(<name> <label> <seconds>): for tests made by add_test. Sanitizers take their time.
+function (quell_label_test name label timeout)
+  if (QUELL_SANITIZER)
+    math(EXPR timeout "${timeout} * 10")
+  endif ()
+  set_tests_properties("${name}" PROPERTIES LABELS ${label} TIMEOUT ${timeout})
+endfunction ()
+
 function (quell_add_module_tests folder)
   cmake_parse_arguments(arg "" "LABEL;TIMEOUT" "LINK;SOURCES" ${ARGN})
   if (NOT arg_SOURCES)
@@ -21,6 +30,7 @@ function (quell_add_module_tests folder)
     set(arg_TIMEOUT 120)
   endif ()
   if (QUELL_SANITIZER)
+    target_compile_definitions(${target} PRIVATE QUELL_SANITIZED)  # smaller sizes where a test is long
     math(EXPR arg_TIMEOUT "${arg_TIMEOUT} * 10")
   endif ()
   gtest_discover_tests(${target} TEST_PREFIX "quell::${folder}/" DISCOVERY_TIMEOUT 60

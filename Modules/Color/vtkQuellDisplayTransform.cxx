@@ -2,15 +2,19 @@
 #include "vtkQuellDisplayTransform.h"
 
 #include "quellGuards.h"
+#include "quellImageGuard.h"
 #include "vtkObjectFactory.h"
 
 #include <OpenColorIO/OpenColorIO.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <dlfcn.h>
 #include <filesystem>
+#include <fstream>
+#include <set>
 
 namespace fs = std::filesystem;
 namespace OCIO = OCIO_NAMESPACE;
@@ -25,7 +29,7 @@ std::string Listed(const std::vector<std::string>& names)
   std::string text;
   for (const std::string& n : names)
     text += (text.empty() ? "\"" : ", \"") + n + "\"";
-  return text.empty() ? "none" : text;
+  return text.empty() ? "none" : quell::OneLine(text, 1000);
 }
 
 /// `name` if it is there, the default for an empty one, else an error with a hint.
@@ -40,6 +44,88 @@ std::string Choose(const char* what, const std::string& name, const std::vector<
   throw quell::StageError("\"" + path + "\" has no " + what + " \"" + name + "\"; " +
                           (near.empty() ? std::string() : "did you mean \"" + near + "\"? ") + "it has " +
                           Listed(names));
+}
+
+void AddFiles(const OCIO::ConstTransformRcPtr& transform, std::set<std::string>& files)
+{
+  if (const auto file = OCIO_DYNAMIC_POINTER_CAST<const OCIO::FileTransform>(transform))
+    files.insert(file->getSrc());
+  else if (const auto group = OCIO_DYNAMIC_POINTER_CAST<const OCIO::GroupTransform>(transform))
+    for (int i = 0; i < group->getNumTransforms(); ++i)
+      AddFiles(group->getTransform(i), files);
+}
+
+/// Tables that any part of the configuration names.
+std::set<std::string> FilesOf(const OCIO::ConstConfigRcPtr& config)
+{
+  std::set<std::string> files;
+  for (int i = 0; i < config->getNumColorSpaces(OCIO::SEARCH_REFERENCE_SPACE_ALL, OCIO::COLORSPACE_ALL); ++i)
+    if (const auto space = config->getColorSpace(
+          config->getColorSpaceNameByIndex(OCIO::SEARCH_REFERENCE_SPACE_ALL, OCIO::COLORSPACE_ALL, i)))
+      for (const auto direction : { OCIO::COLORSPACE_DIR_TO_REFERENCE, OCIO::COLORSPACE_DIR_FROM_REFERENCE })
+        AddFiles(space->getTransform(direction), files);
+  for (int i = 0; i < config->getNumViewTransforms(); ++i)
+    if (const auto view = config->getViewTransform(config->getViewTransformNameByIndex(i)))
+      for (const auto direction : { OCIO::VIEWTRANSFORM_DIR_TO_REFERENCE, OCIO::VIEWTRANSFORM_DIR_FROM_REFERENCE })
+        AddFiles(view->getTransform(direction), files);
+  for (int i = 0; i < config->getNumNamedTransforms(OCIO::NAMEDTRANSFORM_ALL); ++i)
+    if (const auto named = config->getNamedTransform(config->getNamedTransformNameByIndex(OCIO::NAMEDTRANSFORM_ALL, i)))
+      for (const auto direction : { OCIO::TRANSFORM_DIR_FORWARD, OCIO::TRANSFORM_DIR_INVERSE })
+        AddFiles(named->getTransform(direction), files);
+  for (int i = 0; i < config->getNumLooks(); ++i)
+    if (const auto look = config->getLook(config->getLookNameByIndex(i)))
+      for (const auto& transform : { look->getTransform(), look->getInverseTransform() })
+        AddFiles(transform, files);
+  return files;
+}
+
+/// Whether OpenColorIO 2.1 would read it for ever, and take memory all the while: a cineSpace table whose metadata do
+/// not end. The library tries every format on every file, so the name says nothing.
+bool IsEndless(const std::string& file)
+{
+  std::ifstream in(file, std::ios::binary);
+  const auto next = [&in](std::string& line)
+  {
+    while (std::getline(in, line))
+    {
+      const auto begin = line.find_first_not_of(" \t\r\f\v");
+      if (begin == std::string::npos)
+        continue;
+      line.erase(0, begin);
+      std::transform(line.begin(), line.end(), line.begin(), [](unsigned char c) { return char(std::toupper(c)); });
+      return true;
+    }
+    return false;
+  };
+  const auto begins = [](const std::string& line, const char* word) { return line.rfind(word, 0) == 0; };
+  std::string line;
+  if (!next(line) || !begins(line, "CSPLUTV100") || !next(line) || !next(line) || !begins(line, "BEGIN METADATA"))
+    return false;
+  while (next(line))
+    if (begins(line, "END METADATA"))
+      return false;
+  return true;
+}
+
+void CheckFiles(const OCIO::ConstConfigRcPtr& config)
+{
+  for (const std::string& name : FilesOf(config))
+  {
+    std::string file;
+    try
+    {
+      file = config->getCurrentContext()->resolveFileLocation(name.c_str());
+    }
+    catch (const OCIO::Exception&)
+    {
+      continue; // whoever needs it says so
+    }
+    std::error_code ec;
+    if (!fs::is_regular_file(file, ec))
+      throw OCIO::Exception(("the table " + file + " is no file").c_str());
+    if (IsEndless(file))
+      throw OCIO::Exception(("the table " + file + " is damaged: its metadata do not end").c_str());
+  }
 }
 }
 
@@ -151,6 +237,7 @@ void vtkQuellDisplayTransform::CheckSettings()
     try
     {
       const OCIO::ConstConfigRcPtr config = OCIO::Config::CreateFromFile(path.c_str());
+      CheckFiles(config);
       std::vector<std::string> displays, views;
       for (int i = 0; i < config->getNumDisplays(); ++i)
         displays.push_back(config->getDisplay(i));
@@ -168,10 +255,8 @@ void vtkQuellDisplayTransform::CheckSettings()
     }
     catch (const OCIO::Exception& e)
     {
-      std::string text = e.what();
-      std::replace(text.begin(), text.end(), '\n', ' ');
-      throw quell::StageError("cannot use the colour configuration \"" + path + "\": " + text + "; OpenColorIO " +
-                              OCIO::GetVersion() +
+      throw quell::StageError("cannot use the colour configuration \"" + path +
+                              "\": " + quell::OneLine(e.what(), 1000) + "; OpenColorIO " + OCIO::GetVersion() +
                               " reads configurations up to its own version, leave Config empty for the shipped one");
     }
     this->Data->Key = key;

@@ -257,7 +257,7 @@ std::string SniffImage(const void* bytes, std::size_t size)
   return std::string();
 }
 
-std::string OneLine(const std::string& text)
+std::string OneLine(const std::string& text, std::size_t longest)
 {
   std::string line;
   for (char c : text)
@@ -268,8 +268,8 @@ std::string OneLine(const std::string& text)
   }
   while (!line.empty() && (line.back() == ' ' || line.back() == '.'))
     line.pop_back();
-  if (line.size() > 300)
-    line = line.substr(0, 297) + "...";
+  if (line.size() > longest)
+    line = line.substr(0, longest - 3) + "...";
   return line.empty() ? "the file is damaged" : line;
 }
 

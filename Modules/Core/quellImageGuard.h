@@ -32,8 +32,8 @@ struct ImageFault
   explicit operator bool() const { return !this->Cause.empty(); }
 };
 
-/// A library's words as one line of readable text that is not too long.
-VTKQUELLCORE_EXPORT std::string OneLine(const std::string& text);
+/// A library's or a file's words as one line of readable text that is not too long.
+VTKQUELLCORE_EXPORT std::string OneLine(const std::string& text, std::size_t longest = 300);
 
 /// Before a library opens the file: sizes in the headers of OpenEXR, PNG, JPEG and WebP; the number of blocks of an
 /// OpenEXR; the segments of a JPEG up to its first scan, whose damaged colour profiles the library overruns. `fileBytes`: of the whole file.

@@ -327,7 +327,7 @@ void RowsWith(const ATrousPass& a, int y0, int rows, int x0, int x1)
           if (r + dy >= 0)
             pairs(slot, k, y, c0 - (dx > 0 ? dx : 0), c1 + (dx < 0 ? -dx : 0), SharedReach - (dx > 0 ? dx : 0));
           up[k] = memory[slot][k] + SharedReach;
-          down[k] = memory[(r + 3 - dy) % 3][k] + SharedReach - dx;
+          down[k] = memory[(r + 6 - dy) % 3][k] + SharedReach - dx;
         }
         else
         {

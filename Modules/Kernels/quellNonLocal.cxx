@@ -301,7 +301,7 @@ void SolveModels(Solver& solver, int m, double ridgeValue, int lane)
     for (int c = 0; c < 3; ++c)
       b[a][c] = hn::LoadU(d, solver.Right[a][c] + lane);
   }
-  const V weight = gram[0][0];
+  const V weight = hn::LoadU(d, solver.Gram[0][0] + lane);
   for (int a = 0; a < m; ++a)
   {
     const auto flat = hn::Le(gram[a][0], hn::Mul(hn::Set(d, LeastColumn), weight));

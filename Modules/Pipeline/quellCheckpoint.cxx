@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellCheckpoint.h"
 
+#include "quellImageGuard.h"
 #include "quellPipelineReader.h"
 #include "quellProvenance.h"
 #include "quellStageDescription.h"
@@ -31,6 +32,12 @@ const std::uint32_t FormatVersion = 2;
 const std::uint64_t HeadBytes = sizeof Magic + 4 + 8, HashBytes = 8;
 
 static_assert(sizeof(float) == 4 && sizeof(double) == 8, "the file's number formats");
+
+/// What a file says may hold anything: no line breaks or codes for a terminal.
+std::string Told(const std::string& text)
+{
+  return OneLine(text, 2000);
+}
 
 std::string RegionText(const std::optional<DisplayRegion>& r)
 {
@@ -366,18 +373,18 @@ std::string DifferenceOf(const RunIdentity& before, const RunIdentity& now)
     const auto n = now.find(b.first);
     if (n == now.end())
     {
-      return b.first + " was " + value(b.second) + " and is no more";
+      return Told(b.first + " was " + value(b.second) + " and is no more");
     }
     if (n->second != b.second)
     {
-      return b.first + " was " + value(b.second) + " and is " + value(n->second);
+      return Told(b.first + " was " + value(b.second) + " and is " + value(n->second));
     }
   }
   for (const auto& n : now)
   {
     if (!before.count(n.first))
     {
-      return n.first + " is " + value(n.second) + " and was not there";
+      return Told(n.first + " is " + value(n.second) + " and was not there");
     }
   }
   return std::string();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellCostModel.h"
 
+#include "quellImageGuard.h"
 #include "vtkQuellStage.h"
 
 #include <nlohmann/json.hpp>
@@ -78,7 +79,7 @@ CostModel CostModel::Load(const std::string& file, std::string& problem)
   }
   if (json["machine"].get<std::string>() != MachineText())
   {
-    problem = file + " is of another machine (" + json["machine"].get<std::string>() + "): it is ignored";
+    problem = file + " is of another machine (" + OneLine(json["machine"].get<std::string>()) + "): it is ignored";
     return model;
   }
   for (const auto& entry : json["nanoseconds"].items())
@@ -91,7 +92,7 @@ CostModel CostModel::Load(const std::string& file, std::string& problem)
     }
     else
     {
-      problem = file + ": what it says of " + entry.key() + " is no time: it is ignored";
+      problem = file + ": what it says of " + OneLine(entry.key()) + " is no time: it is ignored";
     }
   }
   return model;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellPipelineExecutor.h"
 
+#include "quellImageGuard.h"
 #include "quellPixelMemory.h"
 #include "vtkCallbackCommand.h"
 #include "vtkExecutive.h"
@@ -319,7 +320,7 @@ bool PipelineExecutor::LoadWork(const Work& work, std::string& error)
     vtkQuellStage* stage = this->GetStage(w.first);
     if (!stage)
     {
-      error = "no live node " + Quoted(w.first);
+      error = "no live node " + Quoted(OneLine(w.first));
       return false;
     }
     if (!stage->LoadWork(w.second, error))

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <set>
 
 using Json = nlohmann::json;
 
@@ -60,6 +61,26 @@ const std::vector<std::string> JsonKeys = { "accessors", "animations", "asset", 
   "KHR_materials_ior", "KHR_materials_unlit", "KHR_draco_mesh_compression", "EXT_meshopt_compression",
   "EXT_texture_webp", "POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0", "JOINTS_0", "WEIGHTS_0",
   "JOINTS_1", "WEIGHTS_1", "TRANSLATION", "ROTATION", "SCALE", "environment", "resolution", "max_depth", "" };
+
+const std::vector<std::string> StateWords = { "pt", "taa", "acc", "radiance", "depth", "normal", "history", "moments",
+  "sampleCount", "QUELLCKP", std::string("\x01\0\0\0", 4), std::string("\0\0\xc0\x7f", 4),
+  std::string("\0\0\x80\x7f", 4), std::string("\0\0\x80\xff", 4), std::string("\xff\xff\x7f\x7f", 4),
+  std::string("\0\0\0\0\0\0\xf0\x7f", 8), std::string("\0\0\0\0\0\0\xf8\x7f", 8), "\x1b[2J", "\n",
+  std::string(8, '\xff'), std::string(8, '\0') };
+const std::vector<std::string> ColourWords = { "!<ColorSpace>", "!<GroupTransform>", "!<FileTransform>", "!<View>",
+  "!<Look>", "!<CDLTransform>", "!<MatrixTransform>", "!<ColorSpaceTransform> {src: lin, dst: graded}",
+  "!<FileTransform> {src: case.ocio}", "!<FileTransform> {src: /dev/zero}", "!<FileTransform> {src: .}",
+  "children:", "name: ", "src: ", "direction: inverse", "interpolation: cubic",
+  "matrix: [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]", "gamma: 0", "base: 1", "base: -2",
+  "from_scene_reference: ", "to_scene_reference: ", "ocio_profile_version: 1", "search_path: /", "$SHOT", "$(SHOT)",
+  "%SHOT%", "<USE_DISPLAY_NAME>", "[", "]", "{", "}", ": ", "- ", "&a ", "*a", "!!binary ", "|\n", "LUT_1D_SIZE 65536",
+  "LUT_1D_SIZE 0", "LUT_3D_SIZE 129", "LUT_3D_SIZE 1", "LUT_3D_SIZE -2", "DOMAIN_MIN 1 1 1", "DOMAIN_MAX 0 0 0",
+  "TITLE \"", "Length 1000000000", "Components 4", "Version 2", "From 1 1", "Length 0", "CSPLUTV100", "1D", "3D",
+  "BEGIN METADATA", "SPILUT 1.0", "nan", "-nan", "inf", "-inf", "1e39", "1e400", "-1", "0", "2147483648", "-2147483649",
+  "<ProcessList", "<LUT1D", "<LUT3D", "<Array dim=\"2 2 2 3\">", "<Array dim=\"1000000000 3\">", "<Matrix", "<Range",
+  "<Log", "<Exponent", "<ASC_CDL", "inBitDepth=\"16f\"", "outBitDepth=\"8i\"", "halfDomain=\"true\"",
+  "rawHalfs=\"true\"", "interpolation=\"1D_cubic\"", "style=\"", "/>", "</Array>",
+  "<IndexMap dim=\"2\">0@0 1@1</IndexMap>", "<!DOCTYPE a [<!ENTITY b \"c\">]>", "&b;", "<![CDATA[", "]]>" };
 
 /// Every value of a document.
 void Collect(Json& json, std::vector<Json*>& all)
@@ -298,7 +319,7 @@ void FileMutator::MutateGlb(std::string& text)
   text += json + rest;
 }
 
-void FileMutator::MutateLines(std::string& text)
+void FileMutator::MutateLines(std::string& text, const std::vector<std::string>& dictionary)
 {
   std::vector<std::size_t> lines{ 0 };
   for (std::size_t i = 0; i < text.size(); ++i)
@@ -332,7 +353,7 @@ void FileMutator::MutateLines(std::string& text)
       break;
     }
     case 4:
-      text.insert(lines[a], ObjWords[this->Below(ObjWords.size())]);
+      text.insert(lines[a], dictionary[this->Below(dictionary.size())]);
       break;
     default:
     {
@@ -352,7 +373,10 @@ FuzzCase FileMutator::Make(std::uint64_t n)
   FuzzCase document = this->Seeds[this->Below(this->Seeds.size())];
   std::string& text = document.Text;
   const std::string kind = ExtensionOf(document.Name);
-  const bool exr = kind == ".exr", gltf = kind == ".gltf", glb = kind == ".glb", obj = kind == ".obj";
+  const bool exr = kind == ".exr", gltf = kind == ".gltf" || kind == ".json", glb = kind == ".glb",
+             obj = kind == ".obj";
+  static const std::set<std::string> images{ ".exr", ".png", ".jpg", ".hdr", ".ppm", ".pfm", ".webp" };
+  const bool state = kind == ".checkpoint", colour = !exr && !gltf && !glb && !obj && !state && !images.count(kind);
   // One change finds what many would hide.
   for (std::size_t edits = 1 + this->Below(this->Below(3) ? 2 : 10); edits > 0 && !text.empty(); --edits)
   {
@@ -365,7 +389,11 @@ FuzzCase FileMutator::Make(std::uint64_t n)
     else if (glb)
       this->MutateGlb(text);
     else if (obj && what < 3)
-      this->MutateLines(text);
+      this->MutateLines(text, ObjWords);
+    else if (colour && what < 3)
+      this->MutateLines(text, ColourWords);
+    else if (colour || state)
+      this->MutateBytes(text, state ? StateWords : ColourWords, 0);
     else if (!gltf && !obj && what == 2)
     {
       std::string head = text.substr(0, 400);

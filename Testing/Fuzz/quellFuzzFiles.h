@@ -23,7 +23,8 @@ std::vector<FuzzFileBomb> FuzzFileBombs();
 /// Between the OBJ and the MTL part of one document.
 extern const char* const FuzzSplit;
 
-/// Mutates by what the file is: chunks and attributes of images, the JSON of a glTF and its buffers, lines of an OBJ.
+/// Mutates by what the file is: chunks and attributes of images, the JSON of a glTF and its buffers, lines of an OBJ or
+/// of a colour configuration.
 /// Document n is a function of (seed, n) alone.
 class FileMutator
 {
@@ -43,7 +44,7 @@ private:
   void MutateExr(std::string& text);
   void MutateJson(std::string& text);
   void MutateGlb(std::string& text);
-  void MutateLines(std::string& text);
+  void MutateLines(std::string& text, const std::vector<std::string>& dictionary);
 
   std::vector<FuzzCase> Seeds;
   std::uint64_t Seed;

@@ -186,11 +186,13 @@ TEST(Redistribute, NoResidualIsTheIdentityAndExtremesAreContained)
   EXPECT_TRUE(Apply(in, {}, &bad) == c.left);
   EXPECT_EQ(bad, 2);
   none = Image(c.left.extent, 3, FLT_MAX); // more than a float can hold stays at the largest
+  in.residual = none;                      // the old pixels are gone
   for (float v : Apply(in, {}).data)
     EXPECT_TRUE(v == FLT_MAX || (v > 0 && v < FLT_MAX));
   Image left(c.left);
   left.fill(4, 4, NaN);
   none = Image(c.left.extent, 3);
+  in.residual = none;
   in.radiance = left;
   const Image out = Apply(in, {}, &bad);
   EXPECT_EQ(bad, 1);

@@ -381,6 +381,12 @@ TEST_F(Checkpoints, TheDifferenceIsNamed)
     "--region: was the whole frame and is 0,0,2,2");
   EXPECT_EQ(DifferenceOf(id, IdentityOf(executor, {}, 3, "1")), "the first frame computed: was 0 and is 3");
   EXPECT_EQ(DifferenceOf(id, IdentityOf(executor, {}, 0, "2")), "the program: version was 1 and is 2");
+  // A file may hold anything; a terminal obeys it.
+  EXPECT_EQ(
+    DifferenceOf({ { "node\n\"a\":", "\x1b[2J1" } }, { { "node\n\"a\":", "2" } }), "node \"a\": was [2J1 and is 2");
+  std::string error;
+  EXPECT_FALSE(executor.LoadWork({ { "a\x1b\n", "" } }, error));
+  EXPECT_EQ(error, "no live node \"a\"");
 }
 
 TEST_F(Checkpoints, AStateOfAnotherShapeIsRefused)
@@ -571,5 +577,7 @@ TEST_F(WarmUp, ThePlanSaysWhatIsHeld)
   const std::string text = PlanText(plan);
   EXPECT_NE(text.find("frame 30"), std::string::npos);
   EXPECT_NE(text.find("history: 9 frames before are computed"), std::string::npos) << text;
-  EXPECT_NE(text.find("scenes not counted: 34.6 kB of arrays with what is kept of the frame before, 0 B of"), std::string::npos) << text;
+  EXPECT_NE(
+    text.find("scenes not counted: 34.6 kB of arrays with what is kept of the frame before, 0 B of"), std::string::npos)
+    << text;
 }

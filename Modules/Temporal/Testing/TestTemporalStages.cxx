@@ -44,8 +44,8 @@ public:
   }
   static float Noise(int x, int y, int tick, int c)
   {
-    std::uint32_t v =
-      std::uint32_t(x * 73856093) ^ std::uint32_t(y * 19349663) ^ std::uint32_t(tick * 83492791 + c * 2654435);
+    std::uint32_t v = std::uint32_t(x) * 73856093u ^ std::uint32_t(y) * 19349663u ^
+                      (std::uint32_t(tick) * 83492791u + std::uint32_t(c) * 2654435u);
     v = (v ^ 61u) ^ (v >> 16);
     v *= 9;
     v ^= v >> 4;
