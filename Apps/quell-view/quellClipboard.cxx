@@ -267,19 +267,59 @@ struct Clipboard::Internals
     }
   }
 
+  /// The program ends, and with it what it copied: a clipboard manager, where there is one, takes it over.
+  void HandOver()
+  {
+    const Atom manager = XInternAtom(this->Connection, "CLIPBOARD_MANAGER", False);
+    if (XGetSelectionOwner(this->Connection, this->Selection) != this->Hidden ||
+        XGetSelectionOwner(this->Connection, manager) == 0)
+    {
+      return;
+    }
+    const Atom all[] = { this->Utf8, this->PlainUtf8, XA_STRING };
+    XChangeProperty(this->Connection, this->Hidden, this->Ours, XA_ATOM, 32, PropModeReplace,
+      reinterpret_cast<const unsigned char*>(all), int(sizeof all / sizeof all[0]));
+    XConvertSelection(this->Connection, manager, XInternAtom(this->Connection, "SAVE_TARGETS", False), this->Ours,
+      this->Hidden, CurrentTime);
+    XFlush(this->Connection);
+    Clock::time_point last = Clock::now();
+    while (Clock::now() - last < std::chrono::seconds(2))
+    {
+      while (XPending(this->Connection) > 0)
+      {
+        XEvent event;
+        XNextEvent(this->Connection, &event);
+        if (event.type == SelectionNotify && event.xselection.selection == manager)
+        {
+          return; // it has all it wants
+        }
+        this->Handle(event);
+        last = Clock::now();
+      }
+      pollfd source{ ConnectionNumber(this->Connection), POLLIN, 0 };
+      poll(&source, 1, 50);
+      if (source.revents & (POLLERR | POLLHUP))
+      {
+        return;
+      }
+    }
+  }
+
   void Loop()
   {
     for (;;)
     {
-      bool own = false, ask = false;
+      bool own = false, ask = false, quit = false;
       {
         std::lock_guard<std::mutex> lock(this->Mutex);
-        if (this->Quit)
-        {
-          return;
-        }
+        quit = this->Quit;
         std::swap(own, this->TakesOwnership);
         std::swap(ask, this->Asks);
+      }
+      if (quit)
+      {
+        this->HandOver();
+        return;
       }
       if (own)
       {

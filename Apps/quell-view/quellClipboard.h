@@ -17,6 +17,7 @@ class Clipboard
 {
 public:
   Clipboard(); ///< without a display it remembers texts for this program alone
+  /// A clipboard manager, where one runs, takes over what is here; else it is gone with us, as X has it.
   ~Clipboard();
   Clipboard(const Clipboard&) = delete;
   void operator=(const Clipboard&) = delete;

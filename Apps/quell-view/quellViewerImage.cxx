@@ -1302,8 +1302,9 @@ void Viewer::WeightsPanel(const std::vector<std::string>& filters, int x, int y)
     ImGui::EndCombo();
   }
   this->Mark("weigh");
-  this->Tooltip("The filters that made this picture, the nearest first. Shown is what made this very pixel of the "
-                "filter, found by its own code: the sum of weight times input is its output.");
+  this->Tooltip(
+    "The filters that made this picture, the nearest first. Shown is what made this very pixel of the "
+    "filter: the sum of weight times input is its output. Of Reproject these are pixels of the frame before.");
   const std::shared_ptr<const ViewWeights> w = this->WeightsOf;
   if (!w || w->Node != node || w->X != x || w->Y != y || w->Frame != this->LastGood->Number)
   {
@@ -1365,6 +1366,19 @@ void Viewer::WeightsPanel(const std::vector<std::string>& filters, int x, int y)
     line("window", std::to_string(s.Window.width()) + " \u00d7 " + std::to_string(s.Window.height()) + ", 99 % in " +
                      std::to_string(s.Needed) + (s.Needed == 1 ? " pixel" : " pixels"));
     line("sum", Figure(s.Sum));
+    // Of several inputs, each one's part: of an average over time, what is new and what is history.
+    for (const PixelWeights::Part& part : w->Weights.Parts)
+    {
+      double sum = 0;
+      for (float v : part.Weights)
+      {
+        sum += double(v);
+      }
+      if (w->Weights.Parts.size() > 1)
+      {
+        line(part.Input.c_str(), Figure(sum));
+      }
+    }
     if (s.Squares > 0 && !s.Negative && s.Sum > 1e-9)
     {
       char pixels[32];

@@ -4,9 +4,10 @@
 #include "quellFeatureNoise.h"
 #include "quellGuards.h"
 #include "quellGuideVariances.h"
-#include "quellNonLocal.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace
 {
@@ -166,12 +167,9 @@ double vtkQuellNonLocalFilter::ScratchBytes(const quell::Rect& region, const que
   return bytes;
 }
 
-void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
+/// All but the target, the guide and its variance.
+quell::NonLocalInputs vtkQuellNonLocalFilter::Guides(quell::StageFrame& frame)
 {
-  const quell::ImageIn radiance = frame.Input(Radiance), halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
-  const quell::ImageIn variance = frame.Input(Variance);
-  const bool halves = halfA && halfB;
-
   quell::NonLocalInputs in;
   in.depth = frame.Input(Depth);
   std::vector<std::string> names;
@@ -192,7 +190,11 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
   }
   for (int c = 0; this->Regresses() && c < frame.Connections(Feature); ++c)
     in.regressors[in.regressorCount++].value = frame.Input(Feature, c);
+  return in;
+}
 
+quell::NonLocalParameters vtkQuellNonLocalFilter::Parameters() const
+{
   quell::NonLocalParameters p;
   p.radius = this->Radius;
   p.patch = this->PatchRadius;
@@ -201,29 +203,277 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
   p.epsilon = this->Epsilon;
   p.ridge = this->Ridge;
   p.regress = this->Regresses();
+  return p;
+}
+
+namespace
+{
+/// The variance of the buffer that gives the weights, for the pixels that a tile reads.
+quell::ImageIn NoiseOf(const quell::ImageIn& radiance, const quell::ImageIn& halfA, const quell::ImageIn& halfB,
+  const quell::ImageIn& variance, const quell::ImageIn& depth, const quell::Rect& tile, int reach,
+  quell::Scratch& memory)
+{
+  const bool halves = halfA && halfB;
+  if (variance && !halves)
+    return variance;
+  const quell::Rect grown = tile.grown(reach).clipped((halves ? halfA : radiance).extent);
+  const int components = halves ? 3 : 1;
+  const quell::ImageOut made(
+    memory.Take(std::size_t(grown.area()) * components + quell::FeatureNoiseScratch(grown)), components, grown);
+  if (variance)
+    for (int y = grown.y0; y < grown.y1; ++y)
+      for (int x = grown.x0; x < grown.x1; ++x)
+        for (int c = 0; c < 3; ++c)
+          made.at(x, y)[c] = 2 * variance.at(x, y)[variance.components == 3 ? c : 0];
+  else if (halves)
+    HalfVariance(halfA, halfB, made);
+  else
+    quell::FeatureNoise(radiance, quell::ImageIn(), depth, made, grown, made.data + grown.area());
+  return made;
+}
+/// Which of two bandwidths the halves ask for at each pixel of `region`: `finish(tile, candidates, narrow)` gets both
+/// halves of both candidates, the narrow one first, and in the first channel of `narrow` its part.
+template <class Filter, class Noise, class Loop, class Finish>
+void SelectWidths(const quell::NonLocalInputs& in, const quell::NonLocalParameters& p, const quell::ImageIn& radiance,
+  const quell::ImageIn& halfA, const quell::ImageIn& halfB, double narrowColor, const quell::Rect& region,
+  const quell::Rect& whole, const Filter& filter, const Noise& noiseOf, const Loop& loop, const Finish& finish)
+{
+  // Two candidates where their errors are looked at, errors where the choice is, and the choice where it is smoothed.
+  quell::NonLocalParameters smooth;
+  smooth.radius = SmoothRadius;
+  smooth.patch = SmoothPatch;
+  smooth.kColor = 1;
+  smooth.epsilon = p.epsilon;
+  quell::NonLocalInputs plain;
+  plain.depth = in.depth;
+  const int reach = quell::NonLocalHalo(SmoothRadius, SmoothPatch, false);
+  const quell::Rect inner = region.grown(reach).clipped(whole);
+  const quell::Rect outer = region.grown(2 * reach).clipped(whole);
+  quell::Scratch block;
+  float* next = block.Take(std::size_t(outer.area()) * OuterFloats + std::size_t(inner.area()) * InnerFloats);
+  const auto image = [&next](const quell::Rect& r)
+  {
+    const quell::ImageOut made(next, 3, r);
+    next += r.area() * 3;
+    return made;
+  };
+  const quell::ImageOut candidates[2][2] = { { image(outer), image(outer) }, { image(outer), image(outer) } };
+  const quell::ImageOut errors = image(outer), smoothed = image(inner), choice = image(inner);
+  const double widths[2] = { narrowColor, p.kColor };
+  loop(
+    outer,
+    [&](const quell::Rect& tile)
+    {
+      for (int k = 0; k < 2; ++k)
+      {
+        quell::NonLocalParameters candidate = p;
+        candidate.kColor = widths[k];
+        filter(in, candidate, halfA, halfB, candidates[k][0], tile);
+        filter(in, candidate, halfB, halfA, candidates[k][1], tile);
+      }
+      static thread_local quell::Scratch noise;
+      const quell::ImageIn ofHalf = noiseOf(tile, 0, noise);
+      for (int y = tile.y0; y < tile.y1; ++y)
+        for (int x = tile.x0; x < tile.x1; ++x)
+        {
+          const float *a = halfA.at(x, y), *b = halfB.at(x, y);
+          float* e = errors.at(x, y);
+          e[2] = 0;
+          for (int k = 0; k < 2; ++k)
+          {
+            const float *fa = candidates[k][0].at(x, y), *fb = candidates[k][1].at(x, y);
+            double sum = 0;
+            for (int c = 0; c < 3; ++c)
+            {
+              const double ba = double(b[c]) - fa[c], ab = double(a[c]) - fb[c], ff = double(fb[c]) - fa[c];
+              sum += 0.5 * (ba * ba + ab * ab) - ofHalf.at(x, y)[c] - 0.25 * ff * ff;
+            }
+            e[k] = std::isfinite(sum) ? float(std::max(-1e30, std::min(1e30, sum / 3))) : 0.f;
+          }
+        }
+    },
+    0, 0.8);
+  loop(
+    inner,
+    [&](const quell::Rect& tile)
+    {
+      filter(plain, smooth, errors, radiance, smoothed, tile);
+      for (int y = tile.y0; y < tile.y1; ++y)
+        for (int x = tile.x0; x < tile.x1; ++x)
+        {
+          float* chosen = choice.at(x, y);
+          chosen[0] = smoothed.at(x, y)[0] < smoothed.at(x, y)[1] ? 1.f : 0.f;
+          chosen[1] = chosen[2] = 0;
+        }
+    },
+    0.8, 0.9);
+  loop(
+    region,
+    [&](const quell::Rect& tile)
+    {
+      static thread_local quell::Scratch results;
+      const quell::ImageOut narrow(results.Take(std::size_t(tile.area()) * 3), 3, tile);
+      filter(plain, smooth, choice, radiance, narrow, tile);
+      finish(tile, candidates, quell::ImageIn(narrow));
+    },
+    0.9, 1);
+}
+}
+
+void vtkQuellNonLocalFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  const quell::ImageIn halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
+  const bool halves = halfA && halfB;
+  const quell::ImageIn radiance = frame.Input(Radiance), variance = frame.Input(Variance);
+  const quell::Rect pixel = frame.Region();
+  quell::NonLocalInputs in = this->Guides(frame);
+  const quell::NonLocalParameters p = this->Parameters();
+  const int halo = quell::NonLocalHalo(p.radius, p.patch, p.regress);
+  quell::Scratch noise, planes;
+  in.variance = NoiseOf(radiance, halfA, halfB, variance, in.depth, pixel, halo, noise);
+  if (p.regress)
+  {
+    this->WeighModels(frame, in, p, weights);
+    return;
+  }
+  // Pixels of the window are marked, three at a time, and filtered with the weights that the picture was filtered with.
+  const auto weigh = [&](const quell::ImageIn& target, const quell::ImageIn& guide, const char* name, float share)
+  {
+    quell::PixelWeights::Part part;
+    part.Input = name;
+    part.Window = pixel.grown(std::max(1, p.radius)).clipped(target.extent);
+    part.Weights.resize(std::size_t(part.Window.area()));
+    const quell::Rect around = pixel.grown(halo).clipped(target.extent);
+    std::vector<float> values(3 * std::size_t(around.area()));
+    const quell::ImageOut marks(values.data(), 3, around);
+    for (int y = around.y0; y < around.y1; ++y)
+      for (int x = around.x0; x < around.x1; ++x)
+        std::fill_n(marks.at(x, y), 3, quell::Finite3(target.at(x, y)) ? 0.f : std::numeric_limits<float>::quiet_NaN());
+    in.target = marks;
+    in.guide = guide;
+    const int width = part.Window.width();
+    const auto at = [&](std::size_t i)
+    { return marks.at(part.Window.x0 + int(i) % width, part.Window.y0 + int(i) / width); };
+    for (std::size_t i = 0; i < part.Weights.size(); i += 3)
+    {
+      const std::size_t end = std::min(part.Weights.size(), i + 3);
+      float result[3] = {};
+      for (std::size_t k = i; k < end; ++k)
+        if (quell::Finite3(at(k)))
+          at(k)[k % 3] = 1;
+      quell::NonLocal(
+        in, p, quell::ImageOut(result, 3, pixel), pixel, planes.Take(quell::NonLocalScratch(in, p, pixel)));
+      for (std::size_t k = i; k < end; ++k)
+        if (quell::Finite3(at(k)))
+        {
+          part.Weights[k] = share * result[k % 3];
+          at(k)[k % 3] = 0;
+        }
+    }
+    weights.Parts.push_back(std::move(part));
+  };
+  if (!halves)
+  {
+    weigh(radiance, radiance, "radiance", 1);
+    return;
+  }
+  // A half that is not finite at the pixel leaves it to the other one.
+  const bool a = quell::Finite3(halfA.at(pixel.x0, pixel.y0)), b = quell::Finite3(halfB.at(pixel.x0, pixel.y0));
+  if (a || !b)
+    weigh(halfA, halfB, "halfA", a == b ? 0.5f : 1.f);
+  if (b || !a)
+    weigh(halfB, halfA, "halfB", a == b ? 0.5f : 1.f);
+}
+
+void vtkQuellNonLocalFilter::WeighModels(
+  quell::StageFrame& frame, quell::NonLocalInputs in, const quell::NonLocalParameters& p, quell::PixelWeights& weights)
+{
+  const quell::ImageIn halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
+  const quell::ImageIn radiance = frame.Input(Radiance), variance = frame.Input(Variance);
+  const bool halves = halfA && halfB;
+  const quell::Rect pixel = frame.Region();
+  double narrow = 0;
+  if (halves && this->Selects())
+  {
+    quell::Scratch planes, noise, ofTile;
+    const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory)
+    { return NoiseOf(radiance, halfA, halfB, variance, in.depth, tile, reach, memory); };
+    const auto filter = [&](quell::NonLocalInputs local, const quell::NonLocalParameters& parameters,
+                          const quell::ImageIn& target, const quell::ImageIn& guide, const quell::ImageOut& result,
+                          const quell::Rect& tile)
+    {
+      local.target = target;
+      local.guide = guide;
+      local.variance =
+        noiseOf(tile, quell::NonLocalHalo(parameters.radius, parameters.patch, parameters.regress), noise);
+      return quell::NonLocal(
+        local, parameters, result, tile, planes.Take(quell::NonLocalScratch(local, parameters, tile)));
+    };
+    SelectWidths(
+      in, p, radiance, halfA, halfB, this->KColorNarrow, pixel, frame.Whole(), filter, noiseOf,
+      [](const quell::Rect& rect, const auto& work, double, double) { work(rect); },
+      [&](const quell::Rect&, const quell::ImageOut[2][2], const quell::ImageIn& part)
+      { narrow = double(part.at(pixel.x0, pixel.y0)[0]); });
+  }
+  const auto weigh = [&](const quell::ImageIn& target, const quell::ImageIn& guide, const char* name, double share)
+  {
+    quell::PixelWeights::Part part;
+    part.Input = name;
+    part.Window = pixel.grown(std::max(1, 2 * p.radius)).clipped(target.extent);
+    part.Weights.assign(std::size_t(part.Window.area()), 0.f);
+    std::vector<float> made(part.Weights.size());
+    in.target = target;
+    in.guide = guide;
+    for (int k = 0; k < 2; ++k)
+    {
+      const double mix = k == 0 ? 1 - narrow : narrow;
+      if (!(mix > 0))
+        continue;
+      quell::NonLocalParameters candidate = p;
+      candidate.kColor = k == 0 ? p.kColor : this->KColorNarrow;
+      quell::NonLocalRegressionWeights(in, candidate, pixel.x0, pixel.y0, quell::ImageOut(made.data(), 1, part.Window));
+      double sum[3] = {};
+      std::size_t i = 0;
+      for (int y = part.Window.y0; y < part.Window.y1; ++y)
+        for (int x = part.Window.x0; x < part.Window.x1; ++x, ++i)
+        {
+          for (int c = 0; c < 3 && made[i] != 0; ++c)
+            sum[c] += double(made[i]) * double(target.at(x, y)[c]);
+          part.Weights[i] += float(share * mix * double(made[i]));
+        }
+      for (int c = 0; c < 3; ++c)
+        if (sum[c] < std::min(0., double(target.at(pixel.x0, pixel.y0)[c])))
+          throw quell::StageError("the model is below 0 here and cut off: no weights stand for that");
+    }
+    weights.Parts.push_back(std::move(part));
+  };
+  quell::Scratch memory;
+  in.variance =
+    NoiseOf(radiance, halfA, halfB, variance, in.depth, pixel, quell::NonLocalHalo(p.radius, p.patch, true), memory);
+  if (!halves)
+  {
+    weigh(radiance, radiance, "radiance", 1);
+    return;
+  }
+  const bool a = quell::Finite3(halfA.at(pixel.x0, pixel.y0)), b = quell::Finite3(halfB.at(pixel.x0, pixel.y0));
+  if (a || !b)
+    weigh(halfA, halfB, "halfA", a == b ? 0.5 : 1.);
+  if (b || !a)
+    weigh(halfB, halfA, "halfB", a == b ? 0.5 : 1.);
+}
+
+void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
+{
+  const quell::ImageIn radiance = frame.Input(Radiance), halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
+  const quell::ImageIn variance = frame.Input(Variance);
+  const bool halves = halfA && halfB;
+  const quell::NonLocalInputs in = this->Guides(frame);
+  const quell::NonLocalParameters p = this->Parameters();
   const quell::ImageOut out = frame.Output("radiance"), varianceOut = frame.Output("variance");
   const quell::Rect region = frame.Region();
   this->NonFinite.Begin(frame.Region(), frame.Tick());
-  // The variance of the buffer that gives the weights, for the pixels that a tile reads.
-  const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory) -> quell::ImageIn
-  {
-    if (variance && !halves)
-      return variance;
-    const quell::Rect grown = tile.grown(reach).clipped((halves ? halfA : radiance).extent);
-    const int components = halves ? 3 : 1;
-    const quell::ImageOut made(
-      memory.Take(std::size_t(grown.area()) * components + quell::FeatureNoiseScratch(grown)), components, grown);
-    if (variance)
-      for (int y = grown.y0; y < grown.y1; ++y)
-        for (int x = grown.x0; x < grown.x1; ++x)
-          for (int c = 0; c < 3; ++c)
-            made.at(x, y)[c] = 2 * variance.at(x, y)[variance.components == 3 ? c : 0];
-    else if (halves)
-      HalfVariance(halfA, halfB, made);
-    else
-      quell::FeatureNoise(radiance, quell::ImageIn(), in.depth, made, grown, made.data + grown.area());
-    return made;
-  };
+  const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory)
+  { return NoiseOf(radiance, halfA, halfB, variance, in.depth, tile, reach, memory); };
   const auto filter = [&](quell::NonLocalInputs local, const quell::NonLocalParameters& parameters,
                         const quell::ImageIn& target, const quell::ImageIn& guide, const quell::ImageOut& result,
                         const quell::Rect& tile)
@@ -292,82 +542,12 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
       });
   else
   {
-    // Two candidates where their errors are looked at, errors where the choice is, and the choice where it is smoothed.
-    quell::NonLocalParameters smooth;
-    smooth.radius = SmoothRadius;
-    smooth.patch = SmoothPatch;
-    smooth.kColor = 1;
-    smooth.epsilon = this->Epsilon;
-    quell::NonLocalInputs plain;
-    plain.depth = in.depth;
-    const int reach = quell::NonLocalHalo(SmoothRadius, SmoothPatch, false);
-    const quell::Rect inner = region.grown(reach).clipped(frame.Whole());
-    const quell::Rect outer = region.grown(2 * reach).clipped(frame.Whole());
-    quell::Scratch block;
-    float* next = block.Take(std::size_t(outer.area()) * OuterFloats + std::size_t(inner.area()) * InnerFloats);
-    const auto image = [&next](const quell::Rect& r)
-    {
-      const quell::ImageOut made(next, 3, r);
-      next += r.area() * 3;
-      return made;
-    };
-    const quell::ImageOut candidates[2][2] = { { image(outer), image(outer) }, { image(outer), image(outer) } };
-    const quell::ImageOut errors = image(outer), smoothed = image(inner), choice = image(inner);
-    const double widths[2] = { this->KColorNarrow, this->KColor };
-    this->ForEachTile(
-      outer, TileSize,
-      [&](const quell::Rect& tile)
+    SelectWidths(
+      in, p, radiance, halfA, halfB, this->KColorNarrow, region, frame.Whole(), filter, noiseOf,
+      [&](const quell::Rect& rect, const auto& work, double from, double to)
+      { this->ForEachTile(rect, TileSize, work, from, to); },
+      [&](const quell::Rect& tile, const quell::ImageOut candidates[2][2], const quell::ImageIn& narrow)
       {
-        for (int k = 0; k < 2; ++k)
-        {
-          quell::NonLocalParameters candidate = p;
-          candidate.kColor = widths[k];
-          filter(in, candidate, halfA, halfB, candidates[k][0], tile);
-          filter(in, candidate, halfB, halfA, candidates[k][1], tile);
-        }
-        static thread_local quell::Scratch noise;
-        const quell::ImageIn ofHalf = noiseOf(tile, 0, noise);
-        for (int y = tile.y0; y < tile.y1; ++y)
-          for (int x = tile.x0; x < tile.x1; ++x)
-          {
-            const float *a = halfA.at(x, y), *b = halfB.at(x, y);
-            float* e = errors.at(x, y);
-            e[2] = 0;
-            for (int k = 0; k < 2; ++k)
-            {
-              const float *fa = candidates[k][0].at(x, y), *fb = candidates[k][1].at(x, y);
-              double sum = 0;
-              for (int c = 0; c < 3; ++c)
-              {
-                const double ba = double(b[c]) - fa[c], ab = double(a[c]) - fb[c], ff = double(fb[c]) - fa[c];
-                sum += 0.5 * (ba * ba + ab * ab) - ofHalf.at(x, y)[c] - 0.25 * ff * ff;
-              }
-              e[k] = std::isfinite(sum) ? float(std::max(-1e30, std::min(1e30, sum / 3))) : 0.f;
-            }
-          }
-      },
-      0, 0.8);
-    this->ForEachTile(
-      inner, TileSize,
-      [&](const quell::Rect& tile)
-      {
-        filter(plain, smooth, errors, radiance, smoothed, tile);
-        for (int y = tile.y0; y < tile.y1; ++y)
-          for (int x = tile.x0; x < tile.x1; ++x)
-          {
-            float* chosen = choice.at(x, y);
-            chosen[0] = smoothed.at(x, y)[0] < smoothed.at(x, y)[1] ? 1.f : 0.f;
-            chosen[1] = chosen[2] = 0;
-          }
-      },
-      0.8, 0.9);
-    this->ForEachTile(
-      region, TileSize,
-      [&](const quell::Rect& tile)
-      {
-        static thread_local quell::Scratch results;
-        const quell::ImageOut narrow(results.Take(std::size_t(tile.area()) * 3), 3, tile);
-        filter(plain, smooth, choice, radiance, narrow, tile);
         for (int y = tile.y0; y < tile.y1; ++y)
           for (int x = tile.x0; x < tile.x1; ++x)
           {
@@ -382,8 +562,7 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
               }
           }
         store(candidates[1][0], candidates[1][1], tile);
-      },
-      0.9, 1);
+      });
   }
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, halves ? "the halves" : "radiance");
 }

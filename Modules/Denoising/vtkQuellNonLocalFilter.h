@@ -17,6 +17,7 @@
 #ifndef vtkQuellNonLocalFilter_h
 #define vtkQuellNonLocalFilter_h
 
+#include "quellNonLocal.h"
 #include "quellPixelCount.h"
 #include "vtkQuellDenoisingModule.h"
 #include "vtkQuellStage.h"
@@ -50,6 +51,7 @@ public:
   vtkGetMacro(Epsilon, double);
   ///@}
 
+  bool CanWeigh() const override { return true; }
   int HaloFor(int port) const override;
   /// With both halves radiance is read only where it tells between two widths.
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
@@ -67,6 +69,7 @@ protected:
   vtkQuellNonLocalFilter() = default;
   ~vtkQuellNonLocalFilter() override = default;
   void Execute(quell::StageFrame& frame) override;
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
   virtual bool Regresses() const { return false; }
   /// Two bandwidths, chosen between by their errors as the halves tell them.
   virtual bool Selects() const { return false; }
@@ -83,6 +86,10 @@ private:
     double Least = 1e-3;
   };
   GuideSettings SettingsOf(int port, int connection) const;
+  quell::NonLocalInputs Guides(quell::StageFrame& frame);
+  quell::NonLocalParameters Parameters() const;
+  void WeighModels(quell::StageFrame& frame, quell::NonLocalInputs in, const quell::NonLocalParameters& p,
+    quell::PixelWeights& weights);
 
   std::map<std::pair<int, int>, GuideSettings> Settings; ///< by port and connection
   quell::PixelCount NonFinite;

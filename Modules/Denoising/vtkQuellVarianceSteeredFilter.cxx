@@ -4,6 +4,8 @@
 #include "quellVarianceSteered.h"
 #include "vtkObjectFactory.h"
 
+#include <algorithm>
+
 vtkStandardNewMacro(vtkQuellVarianceSteeredFilter);
 QUELL_STAGE_DESCRIPTION(vtkQuellVarianceSteeredFilter)
 
@@ -19,6 +21,18 @@ enum Ports
   Id
 };
 constexpr int TileSize = 96;
+
+quell::VarianceSteeredInputs Gather(const quell::StageFrame& frame)
+{
+  quell::VarianceSteeredInputs in;
+  in.radiance = frame.Input(Radiance);
+  in.variance = frame.Input(Variance);
+  in.depth = frame.Input(Depth);
+  in.normal = frame.Input(Normal);
+  in.albedo = frame.Input(Albedo);
+  in.id = frame.Input(Id);
+  return in;
+}
 }
 
 void vtkQuellVarianceSteeredFilter::Describe(quell::StageDescription& d)
@@ -74,13 +88,7 @@ double vtkQuellVarianceSteeredFilter::ScratchBytes(const quell::Rect&, const que
 
 void vtkQuellVarianceSteeredFilter::Execute(quell::StageFrame& frame)
 {
-  quell::VarianceSteeredInputs in;
-  in.radiance = frame.Input(Radiance);
-  in.variance = frame.Input(Variance);
-  in.depth = frame.Input(Depth);
-  in.normal = frame.Input(Normal);
-  in.albedo = frame.Input(Albedo);
-  in.id = frame.Input(Id);
+  const quell::VarianceSteeredInputs in = Gather(frame);
   const quell::VarianceSteeredParameters p{ this->Scales, this->SigmaNormal, this->SigmaDepth, this->SigmaAlbedo };
   const quell::VarianceSteeredOutputs out{ frame.Output("radiance"), frame.Output("variance"), frame.Output("sigma") };
   this->NonFinite.Begin(frame.Region(), frame.Tick());
@@ -99,4 +107,24 @@ void vtkQuellVarianceSteeredFilter::Execute(quell::StageFrame& frame)
   const std::int64_t side = 2 * quell::VarianceSteeredRadius(this->Scales) + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
+}
+
+void vtkQuellVarianceSteeredFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  const quell::VarianceSteeredInputs in = Gather(frame);
+  const quell::VarianceSteeredParameters p{ this->Scales, this->SigmaNormal, this->SigmaDepth, this->SigmaAlbedo };
+  const quell::Rect pixel = frame.Region();
+  // Which kernels it is mixed of is known by filtering it once more.
+  float chosen[quell::VarianceSteeredParameters::MostScales + 1];
+  quell::VarianceSteeredOutputs out;
+  out.parts = quell::ImageOut(chosen, quell::VarianceSteeredParameters::MostScales + 1, pixel);
+  quell::Scratch scratch;
+  quell::VarianceSteered(in, p, out, pixel, scratch.Take(quell::VarianceSteeredScratch(in, p, pixel)));
+  quell::PixelWeights::Part part;
+  part.Input = "radiance";
+  part.Window = pixel.grown(std::max(1, quell::VarianceSteeredRadius(this->Scales))).clipped(in.radiance.extent);
+  part.Weights.resize(std::size_t(part.Window.area()));
+  quell::VarianceSteeredWeights(
+    in, p, chosen, pixel.x0, pixel.y0, quell::ImageOut(part.Weights.data(), 1, part.Window));
+  weights.Parts.push_back(std::move(part));
 }

@@ -44,11 +44,13 @@ public:
   int HaloFor(int port) const override;
   double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   double CostPerPixel() const override { return 4; }
+  bool CanWeigh() const override { return true; }
 
 protected:
   vtkQuellVarianceSteeredFilter();
   ~vtkQuellVarianceSteeredFilter() override = default;
   void Execute(quell::StageFrame& frame) override;
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
 
 private:
   int Scales = 4;

@@ -645,6 +645,200 @@ std::int64_t NonLocal(
   return bad;
 }
 
+void NonLocalRegressionWeights(
+  const NonLocalInputs& in, const NonLocalParameters& p, int x, int y, const ImageOut& weights)
+{
+  const Rect& e = in.target.extent;
+  const int r = p.radius, side = 2 * r + 1, offsets = side * side, m = 3 + RegressorComponents(in);
+  for (int qy = weights.extent.y0; qy < weights.extent.y1; ++qy)
+    for (int qx = weights.extent.x0; qx < weights.extent.x1; ++qx)
+      *weights.at(qx, qy) = 0;
+  const Rect pixel{ x, y, x + 1, y + 1 }, centres = pixel.grown(r).clipped(e),
+                                          compared = centres.grown(p.patch).clipped(e);
+  const auto isTap = [&](int qx, int qy) { return e.contains(qx, qy) && IsTap(in, qx, qy); };
+  // w(p, p + o) of every centre p: per offset, distances of pairs and their sums over the patch.
+  std::vector<double> pair(std::size_t(centres.area()) * std::size_t(offsets), 0.);
+  const auto weight = [&](int px, int py, int dx, int dy) -> double&
+  {
+    const std::size_t centre =
+      std::size_t(py - centres.y0) * std::size_t(centres.width()) + std::size_t(px - centres.x0);
+    return pair[centre * std::size_t(offsets) + std::size_t((dy + r) * side + dx + r)];
+  };
+  std::vector<double> gradients(std::size_t(centres.area()) * std::size_t(std::max(1, in.weighingCount)));
+  for (int k = 0; k < in.weighingCount; ++k)
+    for (int py = centres.y0; py < centres.y1; ++py)
+      for (int px = centres.x0; px < centres.x1; ++px)
+        gradients[std::size_t(k) * std::size_t(centres.area()) +
+                  std::size_t((py - centres.y0) * centres.width() + px - centres.x0)] =
+          SquaredGradient(in.weighing[k], px, py);
+  const auto variance = [&](int qx, int qy, int c)
+  { return in.variance ? std::max(0.f, Sane(in.variance.at(qx, qy)[in.variance.components == 3 ? c : 0])) : 0.f; };
+  std::vector<double> distance(std::size_t(compared.area()));
+  std::vector<char> counts(distance.size());
+  for (int dy = -r; dy <= r; ++dy)
+    for (int dx = -r; dx <= r; ++dx)
+    {
+      std::size_t i = 0;
+      for (int ay = compared.y0; ay < compared.y1; ++ay)
+        for (int ax = compared.x0; ax < compared.x1; ++ax, ++i)
+        {
+          const int bx = ax + dx, by = ay + dy;
+          counts[i] = isTap(ax, ay) && isTap(bx, by);
+          distance[i] = 0;
+          for (int c = 0; c < 3 && counts[i]; ++c)
+            distance[i] += NonLocalDistance(Sane(in.guide.at(ax, ay)[c]), Sane(in.guide.at(bx, by)[c]),
+                             variance(ax, ay, c), variance(bx, by, c), p.kColor, p.epsilon) /
+                           3;
+        }
+      for (int py = centres.y0; py < centres.y1; ++py)
+        for (int px = centres.x0; px < centres.x1; ++px)
+        {
+          const int qx = px + dx, qy = py + dy;
+          if (!isTap(px, py) || !isTap(qx, qy))
+            continue;
+          double sum = 0;
+          int n = 0;
+          for (int ay = std::max(py - p.patch, compared.y0); ay <= std::min(py + p.patch, compared.y1 - 1); ++ay)
+            for (int ax = std::max(px - p.patch, compared.x0); ax <= std::min(px + p.patch, compared.x1 - 1); ++ax)
+            {
+              const std::size_t a =
+                std::size_t(ay - compared.y0) * std::size_t(compared.width()) + std::size_t(ax - compared.x0);
+              sum += distance[a];
+              n += counts[a];
+            }
+          double exponent = std::max(0., sum / std::max(1, n));
+          for (int k = 0; k < in.weighingCount; ++k)
+          {
+            const NonLocalFeature& f = in.weighing[k];
+            double square = 0;
+            for (int c = 0; c < f.value.components; ++c)
+            {
+              const double d = double(Sane(f.value.at(px, py)[c])) - Sane(f.value.at(qx, qy)[c]);
+              square += d * d;
+            }
+            const double v = SummedVariance(f, px, py), w = SummedVariance(f, qx, qy);
+            const double gradient = gradients[std::size_t(k) * std::size_t(centres.area()) +
+                                              std::size_t((py - centres.y0) * centres.width() + px - centres.x0)];
+            exponent = std::max(
+              exponent, (square - (v + std::min(v, w))) /
+                          (std::max(1e-30, p.kFeature * p.kFeature) * std::max({ f.least, 1e-30, v, gradient })));
+          }
+          weight(px, py, dx, dy) = exponent <= 80 ? std::exp(-exponent) : 0.;
+        }
+    }
+  // Each model around says C(p) + x(q) b, and b is a sum over its taps: one system solved gives all of their parts.
+  std::vector<double> gram(std::size_t(m) * std::size_t(m)), scale(m), h(m), a(m), own(m);
+  const auto columns = [&](int px, int py, int qx, int qy, std::vector<double>& c)
+  {
+    c[0] = 1;
+    c[1] = r ? double(qx - px) / r : 0;
+    c[2] = r ? double(qy - py) / r : 0;
+    int n = 3;
+    for (int k = 0; k < in.regressorCount; ++k)
+      for (int j = 0; j < in.regressors[k].value.components; ++j)
+        c[std::size_t(n++)] =
+          double(Sane(in.regressors[k].value.at(qx, qy)[j])) - Sane(in.regressors[k].value.at(px, py)[j]);
+  };
+  std::vector<double> sums(std::size_t(weights.extent.area()), 0.);
+  const auto at = [&](int qx, int qy) -> double&
+  {
+    return sums[std::size_t(qy - weights.extent.y0) * std::size_t(weights.extent.width()) +
+                std::size_t(qx - weights.extent.x0)];
+  };
+  double total = 0;
+  for (int py = centres.y0; py < centres.y1; ++py)
+    for (int px = centres.x0; px < centres.x1; ++px)
+    {
+      const double says = weight(px, py, x - px, y - py);
+      if (!(says > 0))
+        continue;
+      const auto forTaps = [&](auto&& body)
+      {
+        for (int dy = -r; dy <= r; ++dy)
+          for (int dx = -r; dx <= r; ++dx)
+            if (const double w = weight(px, py, dx, dy))
+              body(px + dx, py + dy, w);
+      };
+      std::fill(gram.begin(), gram.end(), 0.);
+      forTaps(
+        [&](int qx, int qy, double w)
+        {
+          columns(px, py, qx, qy, a);
+          for (int i = 0; i < m; ++i)
+            for (int j = 0; j < m; ++j)
+              gram[std::size_t(i * m + j)] += w * a[std::size_t(i)] * a[std::size_t(j)];
+        });
+      for (int i = 0; i < m; ++i)
+      {
+        const double length = gram[std::size_t(i * m + i)];
+        scale[std::size_t(i)] = length > double(LeastColumn) * gram[0] ? 1 / std::sqrt(length) : 0;
+      }
+      for (int i = 0; i < m; ++i)
+        for (int j = 0; j < m; ++j)
+          gram[std::size_t(i * m + j)] *= scale[std::size_t(i)] * scale[std::size_t(j)];
+      columns(px, py, x, y, own);
+      for (int i = 0; i < m; ++i)
+      {
+        double& pivot = gram[std::size_t(i * m + i)];
+        pivot = (scale[std::size_t(i)] > 0 ? pivot : 1) + (i ? p.ridge : 0);
+        h[std::size_t(i)] = scale[std::size_t(i)] * own[std::size_t(i)];
+      }
+      for (int k = 0; k < m; ++k)
+        for (int i = k + 1; i < m; ++i)
+        {
+          const double factor = gram[std::size_t(i * m + k)] / gram[std::size_t(k * m + k)];
+          for (int j = k; j < m; ++j)
+            gram[std::size_t(i * m + j)] -= factor * gram[std::size_t(k * m + j)];
+          h[std::size_t(i)] -= factor * h[std::size_t(k)];
+        }
+      for (int i = m - 1; i >= 0; --i)
+      {
+        for (int j = i + 1; j < m; ++j)
+          h[std::size_t(i)] -= gram[std::size_t(i * m + j)] * h[std::size_t(j)];
+        h[std::size_t(i)] /= gram[std::size_t(i * m + i)];
+      }
+      double given = 0;
+      forTaps(
+        [&](int qx, int qy, double w)
+        {
+          columns(px, py, qx, qy, a);
+          double part = 0;
+          for (int i = 0; i < m; ++i)
+            part += h[std::size_t(i)] * scale[std::size_t(i)] * a[std::size_t(i)];
+          at(qx, qy) += says * w * part;
+          given += w * part;
+        });
+      at(px, py) += says * (1 - given);
+      total += says;
+    }
+  if (total > 1e-30)
+  {
+    std::size_t i = 0;
+    for (int qy = weights.extent.y0; qy < weights.extent.y1; ++qy)
+      for (int qx = weights.extent.x0; qx < weights.extent.x1; ++qx, ++i)
+        *weights.at(qx, qy) = float(sums[i] / total);
+    return;
+  }
+  // No model: the pixel itself, or the neighbours that stand in for it.
+  const Rect around = pixel.grown(1).clipped(e);
+  int finite = 0;
+  if (Finite3(in.target.at(x, y)))
+  {
+    *weights.at(x, y) = 1;
+    return;
+  }
+  for (int pass = 0; pass < 2; ++pass)
+    for (int qy = around.y0; qy < around.y1; ++qy)
+      for (int qx = around.x0; qx < around.x1; ++qx)
+        if (Finite3(in.target.at(qx, qy)))
+        {
+          if (pass == 0)
+            ++finite;
+          else if (weights.extent.contains(qx, qy))
+            *weights.at(qx, qy) = float(1. / finite);
+        }
+}
+
 void NonLocalScalar(const NonLocalInputs& in, const NonLocalParameters& p, const ImageOut& out, const Rect& tile)
 {
   const Rect& e = in.target.extent;

@@ -78,6 +78,10 @@ constexpr int NonLocalHalo(int radius, int patch, bool regress) noexcept
 {
   return (regress ? 2 : 1) * radius + patch + 1;
 }
+/// What the regression makes pixel (x, y) of: C' = Sum_q weights(q) C(q), before it is kept above min(0, C). `weights` has
+/// 1 component and covers the pixels within 2 radius, as far as the frame goes. In double; allocates.
+QUELLKERNELS_EXPORT void NonLocalRegressionWeights(
+  const NonLocalInputs& in, const NonLocalParameters& parameters, int x, int y, const ImageOut& weights);
 /// The same straight from the formula in double, for tests.
 QUELLKERNELS_EXPORT void NonLocalScalar(
   const NonLocalInputs& in, const NonLocalParameters& parameters, const ImageOut& out, const Rect& tile);

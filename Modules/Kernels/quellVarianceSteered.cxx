@@ -370,6 +370,9 @@ std::int64_t VarianceSteered(const VarianceSteeredInputs& in, const VarianceStee
         *out.variance.at(x, y) = hit && chose[0] == voters ? a.tile.variance[q] : float(deviation * deviation);
       if (out.sigma)
         *out.sigma.at(x, y) = float(sigma);
+      if (out.parts)
+        for (int s = 0; s <= MostScales; ++s)
+          out.parts.at(x, y)[s] = hit ? float(chose[s]) / float(voters) : s == 0 ? 1.f : 0.f;
     }
   return bad;
 }
@@ -383,6 +386,68 @@ VarianceSteeredPixel VarianceSteeredVector(
   const auto i = a.results.at(x, y);
   const ScalePlanes& f = a.scale[scale - 1];
   return { { f.color[0][i], f.color[1][i], f.color[2][i] }, f.variance[i], f.centre[i] };
+}
+
+void VarianceSteeredWeights(const VarianceSteeredInputs& in, const VarianceSteeredParameters& p, const float* parts,
+  int x, int y, const ImageOut& weights) noexcept
+{
+  const GuidedInputs guides = Guided(in, p);
+  const Rect& e = weights.extent;
+  for (int qy = e.y0; qy < e.y1; ++qy)
+    for (int qx = e.x0; qx < e.x1; ++qx)
+      *weights.at(qx, qy) = 0;
+  // Of the pixel itself; where it is not finite, of the neighbours that stand in for it.
+  const auto own = [&](double part)
+  {
+    const Rect around = Rect{ x - 1, y - 1, x + 2, y + 2 }.clipped(in.radiance.extent);
+    int finite = 0;
+    if (Finite3(in.radiance.at(x, y)))
+    {
+      *weights.at(x, y) += float(part);
+      return;
+    }
+    for (int pass = 0; pass < 2; ++pass)
+      for (int qy = around.y0; qy < around.y1; ++qy)
+        for (int qx = around.x0; qx < around.x1; ++qx)
+          if (Finite3(in.radiance.at(qx, qy)))
+          {
+            if (pass == 0)
+              ++finite;
+            else if (e.contains(qx, qy))
+              *weights.at(qx, qy) += float(part / finite);
+          }
+  };
+  if (parts[0] > 0)
+    own(double(parts[0]));
+  for (int scale = 1; scale <= ScalesOf(p); ++scale)
+  {
+    if (!(parts[scale] > 0))
+      continue;
+    const int r = VarianceSteeredRadius(scale);
+    const Rect taps = Rect{ x - r, y - r, x + r + 1, y + r + 1 }.clipped(in.radiance.extent);
+    const auto weight = [&](int qx, int qy)
+    {
+      if (!GuideCounts(guides, qx, qy))
+        return 0.;
+      const double exponent = GuideExponentBetween(guides, x, y, guides, qx, qy);
+      return exponent > 80 ? 0.
+                           : std::exp(-exponent - ((qx - x) * (qx - x) + (qy - y) * (qy - y)) /
+                                                    (2 * SigmaOf(scale) * SigmaOf(scale)));
+    };
+    double sum = 0;
+    for (int qy = taps.y0; qy < taps.y1; ++qy)
+      for (int qx = taps.x0; qx < taps.x1; ++qx)
+        sum += weight(qx, qy);
+    if (!(sum > 1e-30))
+    {
+      own(double(parts[scale]));
+      continue;
+    }
+    for (int qy = taps.y0; qy < taps.y1; ++qy)
+      for (int qx = taps.x0; qx < taps.x1; ++qx)
+        if (e.contains(qx, qy))
+          *weights.at(qx, qy) += float(double(parts[scale]) * weight(qx, qy) / sum);
+  }
 }
 
 VarianceSteeredPixel VarianceSteeredScalar(

@@ -36,6 +36,7 @@ struct VarianceSteeredOutputs
   ImageOut radiance; ///< 3
   ImageOut variance; ///< 1, of the filtered luminance
   ImageOut sigma;    ///< 1, pixels: the mean of what was chosen; 0: identity
+  ImageOut parts = ImageOut(); ///< MostScales + 1: P_s, of the identity first
 };
 
 /// Cross-filter whose width at every pixel is the one with the smallest estimated error:
@@ -73,6 +74,12 @@ QUELLKERNELS_EXPORT std::size_t VarianceSteeredScratch(
   const VarianceSteeredInputs& in, const VarianceSteeredParameters& parameters, const Rect& tile) noexcept;
 QUELLKERNELS_EXPORT int VarianceSteeredRadius(int scale) noexcept; ///< of scale 1, 2 ...; 0 for the identity
 QUELLKERNELS_EXPORT int VarianceSteeredHalo(const VarianceSteeredParameters& parameters) noexcept;
+
+/// What one pixel is made of: with P as VarianceSteered gave it in `parts`, `weights` (1 component, over the pixels within
+/// VarianceSteeredRadius of the widest kernel or some of them) gets the w' with C' = Sum w'(q) c(q). In double, straight
+/// from the formula.
+QUELLKERNELS_EXPORT void VarianceSteeredWeights(const VarianceSteeredInputs& in,
+  const VarianceSteeredParameters& parameters, const float* parts, int x, int y, const ImageOut& weights) noexcept;
 
 /// F, V and w(p,p) / Sum w of one pixel and scale straight from the formula in double, for tests.
 struct VarianceSteeredPixel

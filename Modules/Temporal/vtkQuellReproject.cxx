@@ -4,6 +4,10 @@
 #include "quellReproject.h"
 #include "vtkObjectFactory.h"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 vtkStandardNewMacro(vtkQuellReproject);
 QUELL_STAGE_DESCRIPTION(vtkQuellReproject)
 
@@ -124,7 +128,7 @@ std::vector<std::string> vtkQuellReproject::Explain()
   return lines;
 }
 
-void vtkQuellReproject::Execute(quell::StageFrame& frame)
+quell::ReprojectInputs vtkQuellReproject::Gather(quell::StageFrame& frame, std::vector<std::string>& warnings)
 {
   quell::ReprojectInputs in;
   in.frame = frame.Whole();
@@ -145,7 +149,7 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
       { in.history, in.moments, in.length, in.previousDepth, in.previousNormal, in.previousId })
       if (view && view.extent != in.frame)
       {
-        this->Warnings.push_back(
+        warnings.push_back(
           "history of another size is not used: it is " + SizeText(view.extent) + ", the frame " + SizeText(in.frame));
         in.history = quell::ImageIn();
         break;
@@ -160,18 +164,22 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
       in.current = quell::ViewGeometry(now.WorldToNdc, now.WorldToCamera);
       in.previous = quell::ViewGeometry(then.WorldToNdc, then.WorldToCamera, now.Origin - then.Origin);
       if (!in.current.IsValid() || !in.previous.IsValid())
-        this->Warnings.push_back(in.motion ? "a camera matrix cannot be inverted: depth is compared loosely"
-                                           : "a camera matrix cannot be inverted: no history");
+        warnings.push_back(in.motion ? "a camera matrix cannot be inverted: depth is compared loosely"
+                                     : "a camera matrix cannot be inverted: no history");
     }
     else if (!in.motion)
     {
       in.stillCamera = !now.HasCamera && !then.HasCamera;
-      this->Warnings.push_back(in.stillCamera
-                                 ? "neither motion nor camera matrices: the camera is taken to stand still"
-                                 : "no motion, and only one of the two frames has a camera matrix: no history");
+      warnings.push_back(in.stillCamera ? "neither motion nor camera matrices: the camera is taken to stand still"
+                                        : "no motion, and only one of the two frames has a camera matrix: no history");
     }
   }
 
+  return in;
+}
+
+quell::ReprojectParameters vtkQuellReproject::Parameters() const
+{
   quell::ReprojectParameters parameters;
   parameters.depthTolerance = this->DepthTolerance;
   parameters.depthEpsilon = this->DepthEpsilon;
@@ -181,7 +189,76 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
   parameters.minimumWeight = this->MinimumWeight;
   parameters.catmullRom = this->Interpolation == CatmullRom;
   parameters.backgroundHistory = this->BackgroundHistory;
+  return parameters;
+}
+
+void vtkQuellReproject::Execute(quell::StageFrame& frame)
+{
+  const quell::ReprojectInputs in = this->Gather(frame, this->Warnings);
+  const quell::ReprojectParameters parameters = this->Parameters();
   const quell::ReprojectOutputs out{ frame.Output("radiance"), frame.Output("moments"), frame.Output("history"),
     frame.Output("mask") };
   this->ForEachTile(frame.Region(), 64, [&](const quell::Rect& tile) { quell::Reproject(in, parameters, out, tile); });
+}
+
+void vtkQuellReproject::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  std::vector<std::string> ignored;
+  quell::ReprojectInputs in = this->Gather(frame, ignored);
+  quell::ReprojectParameters parameters = this->Parameters();
+  const quell::Rect pixel = frame.Region();
+  float mask = 0, result[3] = {};
+  const auto run = [&]
+  {
+    quell::ReprojectOutputs out;
+    out.radiance = quell::ImageOut(result, 3, pixel);
+    out.mask = quell::ImageOut(&mask, 1, pixel);
+    quell::Reproject(in, parameters, out, pixel);
+  };
+  run();
+  static const char* const reasons[] = { "there is no previous frame", "its point was outside of the previous frame",
+    "its point cannot be projected into the previous camera", "surface became background, or the reverse",
+    "another id was there", "another depth was there", "another normal was there",
+    "the history is not finite, or has no sample yet", "nothing was hit" };
+  const int why = int(mask) - int(quell::ReprojectMask::NoHistory);
+  if (why >= 0)
+    throw quell::StageError(std::string("no history here: ") + reasons[std::min(why, 8)]);
+  if (parameters.catmullRom && int(mask) == int(quell::ReprojectMask::Used))
+    throw quell::StageError("CatmullRom clamps the colour to the four pixels around: no weights stand for that");
+  // Where its taps are: a history that holds every pixel's place gives their mean.
+  const quell::ImageIn history = in.history;
+  const quell::Rect& whole = history.extent;
+  std::vector<float> values(3 * std::size_t(whole.area()));
+  const quell::ImageOut marks(values.data(), 3, whole);
+  const auto finite = [](const float* v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); };
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (int y = whole.y0; y < whole.y1; ++y)
+    for (int x = whole.x0; x < whole.x1; ++x)
+    {
+      const bool good = finite(history.at(x, y));
+      marks.at(x, y)[0] = good ? float(x) : nan;
+      marks.at(x, y)[1] = good ? float(y) : nan;
+      marks.at(x, y)[2] = good ? 1.f : nan;
+    }
+  in.history = quell::ImageIn(marks);
+  run();
+  const int column = int(std::floor(result[0])), row = int(std::floor(result[1]));
+  quell::PixelWeights::Part part;
+  part.Input = "history";
+  part.Window = quell::Rect{ column - 2, row - 2, column + 4, row + 4 }.clipped(whole);
+  part.Weights.resize(std::size_t(part.Window.area()));
+  for (float& v : values)
+    v = std::isfinite(v) ? 0.f : v;
+  const auto at = [&](std::size_t i)
+  { return marks.at(part.Window.x0 + int(i) % part.Window.width(), part.Window.y0 + int(i) / part.Window.width()); };
+  for (std::size_t i = 0; i < part.Weights.size(); ++i)
+  {
+    if (!finite(at(i)))
+      continue;
+    at(i)[0] = 1;
+    run();
+    at(i)[0] = 0;
+    part.Weights[i] = result[0];
+  }
+  weights.Parts.push_back(std::move(part));
 }

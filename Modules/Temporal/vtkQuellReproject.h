@@ -27,6 +27,7 @@
 #ifndef vtkQuellReproject_h
 #define vtkQuellReproject_h
 
+#include "quellReproject.h"
 #include "vtkQuellStage.h"
 #include "vtkQuellTemporalModule.h"
 
@@ -80,14 +81,20 @@ public:
   bool NeedsInput(int port, const quell::ArraySet& asked) const override;
   std::vector<std::string> Explain() override;
   bool FillsOutputs() const override { return true; }
+  bool CanWeigh() const override { return true; }
 
 protected:
   vtkQuellReproject();
   ~vtkQuellReproject() override = default;
 
   void Execute(quell::StageFrame& frame) override;
+  /// Pixels of the previous frame. With CatmullRom those of an unsharp colour only: the sharp one is clamped.
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
 
 private:
+  quell::ReprojectInputs Gather(quell::StageFrame& frame, std::vector<std::string>& warnings);
+  quell::ReprojectParameters Parameters() const;
+
   double DepthTolerance = 4;
   double DepthEpsilon = 1e-3;
   double MovingDepthTolerance = 0.1;

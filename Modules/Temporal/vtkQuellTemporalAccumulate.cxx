@@ -6,6 +6,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <limits>
+#include <vector>
 
 vtkStandardNewMacro(vtkQuellTemporalAccumulate);
 QUELL_STAGE_DESCRIPTION(vtkQuellTemporalAccumulate)
@@ -64,4 +67,49 @@ void vtkQuellTemporalAccumulate::Execute(quell::StageFrame& frame)
   this->Counters.NonFinite += bad;
   if (bad > 0)
     this->Warnings.push_back(std::to_string(bad) + " non-finite pixels of the new frame were not accumulated");
+}
+
+void vtkQuellTemporalAccumulate::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
+{
+  const quell::ImageIn radiance = frame.Input(0), history = frame.Input(1);
+  const quell::AccumulateParameters parameters{ this->Alpha, this->MomentsAlpha, double(this->MaximumHistory) };
+  const quell::Rect pixel = frame.Region();
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const auto finite = [](const float* v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); };
+  // Marked in the first channel is a pixel of the new frame, in the second one the history.
+  quell::PixelWeights::Part fresh, old;
+  fresh.Input = "radiance";
+  fresh.Window = pixel.grown(1).clipped(radiance.extent);
+  fresh.Weights.resize(std::size_t(fresh.Window.area()));
+  old.Input = "history";
+  old.Window = pixel;
+  old.Weights.resize(1);
+  float past[3] = { 0, 1, 0 };
+  if (history && !finite(history.at(pixel.x0, pixel.y0)))
+    std::fill_n(past, 3, nan);
+  std::vector<float> values(3 * fresh.Weights.size());
+  const quell::ImageOut marks(values.data(), 3, fresh.Window);
+  std::size_t i = 0;
+  for (int y = fresh.Window.y0; y < fresh.Window.y1; ++y)
+    for (int x = fresh.Window.x0; x < fresh.Window.x1; ++x, ++i)
+    {
+      for (int qy = fresh.Window.y0; qy < fresh.Window.y1; ++qy)
+        for (int qx = fresh.Window.x0; qx < fresh.Window.x1; ++qx)
+          std::fill_n(marks.at(qx, qy), 3, finite(radiance.at(qx, qy)) ? 0.f : nan);
+      if (!finite(radiance.at(x, y)))
+        continue;
+      marks.at(x, y)[0] = 1;
+      float result[3] = {};
+      quell::AccumulateInputs in;
+      in.radiance = quell::ImageIn(marks);
+      in.history = history ? quell::ImageIn(past, 3, pixel) : quell::ImageIn();
+      in.length = frame.Input(3);
+      quell::AccumulateOutputs out;
+      out.radiance = quell::ImageOut(result, 3, pixel);
+      quell::Accumulate(in, parameters, out, pixel);
+      fresh.Weights[i] = result[0];
+      old.Weights[0] = result[1];
+    }
+  weights.Parts.push_back(std::move(fresh));
+  weights.Parts.push_back(std::move(old));
 }

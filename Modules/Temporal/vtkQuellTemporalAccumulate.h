@@ -41,12 +41,14 @@ public:
   /// (1 - a)^k.
   double HistoryWeight(int port) const override;
   bool FillsOutputs() const override { return true; }
+  bool CanWeigh() const override { return true; }
 
 protected:
   vtkQuellTemporalAccumulate();
   ~vtkQuellTemporalAccumulate() override = default;
 
   void Execute(quell::StageFrame& frame) override;
+  void Weigh(quell::StageFrame& frame, quell::PixelWeights& weights) override;
 
 private:
   double Alpha = 0.05;

@@ -168,6 +168,7 @@ struct RenderSession::Internals
   std::map<std::string, std::vector<OutputArray>> Arrays;
   std::uint64_t Number = 0;
   std::string BuildError;
+  int LastTick = 0; ///< that a frame was made of
   int LiveTick = 0, LiveTicks = 0, LiveBase = 0, LiveSerial = -1;
   bool Live = false;
   std::optional<Mat4> LivePose;
@@ -228,7 +229,16 @@ struct RenderSession::Internals
     }
     else
     {
-      stage->WeighPixel(w->X, w->Y, w->Weights, w->Error);
+      // What was shown since may have replaced what its inputs held: then it runs once more, to the same end.
+      if (!stage->WeighPixel(w->X, w->Y, w->Weights, w->Error) && w->Error.find(" has no array ") != std::string::npos)
+      {
+        stage->Modified();
+        if (this->Executor->RunTick(this->LastTick, TickMode::Frame).Ok)
+        {
+          w->Error.clear();
+          stage->WeighPixel(w->X, w->Y, w->Weights, w->Error);
+        }
+      }
     }
     {
       std::lock_guard<std::mutex> lock(this->Mutex);
@@ -567,6 +577,7 @@ struct RenderSession::Internals
       this->Began = Clock::now();
     }
     const Clock::time_point start = Clock::now();
+    this->LastTick = tick;
     const TickResult result = this->Executor->RunTick(tick, TickMode::Frame);
     if (result.Cancelled)
     {

@@ -10,6 +10,7 @@
 #include "quellScript.h"
 #include "quellUi.h"
 #include "quellViewer.h"
+#include "quellXClients.h"
 #include "vtkDataArray.h"
 #include "vtkPointData.h"
 
@@ -79,7 +80,7 @@ protected:
   {
     Window::Options w;
     w.SharesClipboard = this->Shares;
-    w.OffScreen = true;
+    w.OffScreen = !this->OnScreen;
     w.Width = width;
     w.Height = height;
     w.Scale = scale;
@@ -123,7 +124,8 @@ protected:
   }
 
   fs::path Top, Back;
-  bool Shares = false; ///< the clipboard, with other programs
+  bool Shares = false;   ///< the clipboard, with other programs
+  bool OnScreen = false; ///< a window that the X server knows
   Script Empty;
   std::unique_ptr<Window> Win;
   std::unique_ptr<Viewer> View;
@@ -670,6 +672,63 @@ TEST_F(Viewing, NodesTravelOverTheClipboardOfX)
   const auto before = this->View->Document().Get();
   this->Do("key v ctrl\n");
   EXPECT_EQ(this->View->Document().Get(), before);
+}
+
+// What a file manager sends, to a window of the X server.
+TEST_F(Viewing, FilesAreDroppedByAnotherProgram)
+{
+  this->OnScreen = true;
+  this->Start(900, 640);
+  fs::create_directories("some place");
+  fs::copy_file(this->Top / "Scenes/cornell-box.gltf", "some place/r\u00f6om (1).gltf");
+  for (const auto& e : fs::directory_iterator(this->Top / "Scenes"))
+  {
+    if (e.path().extension() == ".bin")
+    {
+      fs::copy(e.path(), fs::path("some place") / e.path().filename());
+    }
+  }
+  const auto pump = [this]
+  {
+    this->Win->Poll();
+    this->Win->Frame([this] { this->View->Ui(); });
+  };
+  pump();
+  const auto window = reinterpret_cast<unsigned long>(this->Win->Get()->GetGenericWindowId());
+  ASSERT_EQ(DropFiles(window, 450, 320, { fs::absolute("some place/r\u00f6om (1).gltf").string() }, pump), "");
+  pump();
+  ASSERT_EQ(this->View->Document().Nodes("").size(), 1u);
+  EXPECT_EQ(this->View->Document().Nodes("")[0].Type.Value, "PathTraceSource");
+  const PipelineText* scene = this->View->Document().FindProperty("", "pt", "Scene");
+  ASSERT_TRUE(scene);
+  EXPECT_EQ(scene->Value, "some place/r\u00f6om (1).gltf");
+  // Two at once: a picture beside the scene.
+  ASSERT_EQ(DropFiles(window, 450, 320,
+              { Data + "/Images/cornell-box-moving.0031.exr", Data + "/Scenes/cornell-box-moving.gltf" }, pump),
+    "");
+  pump();
+  EXPECT_EQ(this->View->Document().Nodes("").size(), 2u);
+  EXPECT_NE(
+    this->View->Document().FindProperty("", "pt", "Scene")->Value.find("cornell-box-moving.gltf"), std::string::npos);
+}
+
+TEST_F(Viewing, WhatWasCopiedOutlivesTheProgramWhereSomebodyKeepsIt)
+{
+  ClipboardManager manager;
+  {
+    Clipboard ours;
+    ASSERT_TRUE(ours.IsShared());
+    ours.Set("<node id=\"a\" type=\"Sum\"/> \u00e4");
+    EXPECT_EQ(manager.Saved(), "") << "not before it ends";
+  }
+  EXPECT_EQ(manager.Saved(), "<node id=\"a\" type=\"Sum\"/> \u00e4");
+  {
+    // Who owns nothing hands nothing over.
+    Clipboard other, nothing;
+    other.Set("theirs");
+    nothing.Get();
+  }
+  EXPECT_EQ(manager.Saved(), "theirs");
 }
 
 // Everything of the bar over the picture can be reached, however narrow it is.

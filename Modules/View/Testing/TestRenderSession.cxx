@@ -492,6 +492,93 @@ TEST(RenderSession, SaysWhatAPixelIsMadeOf)
   EXPECT_TRUE(any);
 }
 
+// The average over time: how much of the pixel is new, and from which pixels of the frame before the rest is.
+TEST(RenderSession, SaysWhatAPixelsHistoryIsMadeOf)
+{
+  Fixture f;
+  f.Wish.Document = Read("svgf.xml");
+  f.Wish.Options = Small(8);
+  f.Wish.Tick = 5;
+  const std::string reproject = "direct/reproject", accumulate = "direct/accumulate";
+  f.Wish.Targets = { { "direct/atrous", "feedback" } };
+  const auto before = f.Run();
+  ASSERT_TRUE(before->Ok) << before->Error;
+  const std::vector<float> kept = Values(before->Image("direct/atrous"), "feedback");
+  f.Wish.Tick = 6;
+  f.Wish.Targets = { { reproject, "mask" }, { reproject, "radiance" } };
+  const auto alone = f.Run();
+  ASSERT_TRUE(alone->Ok) << alone->Error;
+  const std::vector<float> mask = Values(alone->Image(reproject), "mask");
+  const std::vector<float> fetched = Values(alone->Image(reproject), "radiance");
+  f.Wish.Targets = { { accumulate, "radiance" }, { "direct/clamp", "radiance" } };
+  const auto frame = f.Run();
+  ASSERT_TRUE(frame->Ok) << frame->Error;
+  const std::vector<float> mixed = Values(frame->Image(accumulate), "radiance");
+  const std::vector<float> fresh = Values(frame->Image("direct/clamp"), "radiance");
+  const int width = frame->Image(accumulate)->GetDimensions()[0], height = frame->Image(accumulate)->GetDimensions()[1];
+  const auto near = [](double a, double b) { EXPECT_NEAR(a, b, 2e-5 * std::max(1e-2, std::fabs(b))); };
+  int with = 0, without = 0, several = 0;
+  for (int y = 1; y < height; y += 5)
+  {
+    for (int x = 1; x < width; x += 6)
+    {
+      const std::size_t i = std::size_t(y * width + x);
+      f.Session.Weigh(reproject, x, y);
+      ASSERT_TRUE(f.Session.WaitIdle(20));
+      const auto taps = f.Session.Weights();
+      ASSERT_TRUE(taps && taps->Node == reproject && taps->X == x && taps->Y == y);
+      if (mask[i] >= 3)
+      {
+        EXPECT_NE(taps->Error.find("no history here: "), std::string::npos) << taps->Error;
+        ++without;
+      }
+      else
+      {
+        ASSERT_EQ(taps->Error, "");
+        const PixelWeights::Part& part = taps->Weights.Parts.at(0);
+        EXPECT_EQ(part.Input, "history");
+        double sums[4] = {};
+        int count = 0;
+        for (int qy = 0; qy < height; ++qy)
+        {
+          for (int qx = 0; qx < width; ++qx)
+          {
+            const double w = double(part.At(qx, qy));
+            count += w != 0 ? 1 : 0;
+            sums[3] += w;
+            for (int c = 0; c < 3 && w != 0; ++c)
+            {
+              sums[c] += w * double(kept[std::size_t(3 * (qy * width + qx) + c)]);
+            }
+          }
+        }
+        near(sums[3], 1);
+        for (int c = 0; c < 3; ++c)
+        {
+          near(sums[c], double(fetched[3 * i + std::size_t(c)]));
+        }
+        several += count > 1 ? 1 : 0;
+        ++with;
+      }
+      f.Session.Weigh(accumulate, x, y);
+      ASSERT_TRUE(f.Session.WaitIdle(20));
+      const auto parts = f.Session.Weights();
+      ASSERT_EQ(parts->Error, "");
+      ASSERT_EQ(parts->Weights.Parts.size(), 2u);
+      const double a = double(parts->Weights.Parts[0].At(x, y)), rest = double(parts->Weights.Parts[1].At(x, y));
+      near(a + rest, 1);
+      EXPECT_EQ(mask[i] >= 3, rest == 0) << "no history weighs nothing";
+      for (std::size_t c = 0; c < 3; ++c)
+      {
+        near(a * double(fresh[3 * i + c]) + rest * double(fetched[3 * i + c]), double(mixed[3 * i + c]));
+      }
+    }
+  }
+  EXPECT_GT(with, 10);
+  EXPECT_GT(without, 0);
+  EXPECT_GT(several, 0) << "the scene moves";
+}
+
 TEST(RenderSession, ATemplateMadeOfASelectionHasTheSameBits)
 {
   EditDocument d(&Registry());
