@@ -862,13 +862,13 @@ TEST_F(Viewing, AfterADeletionItsInputIsShownUntilItComesBack)
 
 TEST_F(Viewing, WithoutAnOutputTheLastNodeIsShownAndOneLineSaysSo)
 {
-  std::ofstream("still.xml") << "<pipeline version=\"1\">\n  <node id=\"pt\" type=\"PathTraceSource\">"
+  std::ofstream("no-output.xml") << "<pipeline version=\"1\">\n  <node id=\"pt\" type=\"PathTraceSource\">"
                                 "<property name=\"Scene\" value=\"../Scenes/cornell-box.gltf\"/><property "
                                 "name=\"Width\" value=\"32\"/><property name=\"Height\" value=\"32\"/></node>\n"
                                 "  <node id=\"blur\" type=\"BilateralFilter\"><input port=\"radiance\" "
                                 "from=\"pt:radiance\"/></node>\n</pipeline>\n";
   this->Start(1100, 800);
-  ASSERT_TRUE(this->View->Open("still.xml"));
+  ASSERT_TRUE(this->View->Open("no-output.xml"));
   this->Do("wait\nframes 3\n");
   EXPECT_EQ(this->View->Target().Node, "blur");
   EXPECT_EQ(this->View->ErrorText(), "");
