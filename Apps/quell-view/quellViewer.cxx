@@ -813,6 +813,15 @@ bool Viewer::Button(const char* label, const std::string& mark, const char* tool
   return pressed;
 }
 
+/// Within a menu: Dear ImGui alone closes it by a click beside it.
+void Viewer::CloseMenuOnEscape()
+{
+  if (this->Win.Pressed("Escape"))
+  {
+    ImGui::CloseCurrentPopup();
+  }
+}
+
 void Viewer::Splitter(const char* name, bool vertical, float& fraction, float from, float to, float lo, float hi)
 {
   const float thick = this->S(5);
@@ -1319,8 +1328,8 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
   ImGui::SetNextWindowPos(min);
   ImGui::SetNextWindowSize(ImVec2(max.x - min.x, max.y - min.y));
   ImGui::Begin("##welcome", nullptr,
-    ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
-      ImGuiWindowFlags_NoBringToFrontOnFocus);
+    ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoMove |
+      ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus);
   const float width = std::min(this->S(640), max.x - min.x - this->S(40));
   const float left = (max.x - min.x - width) / 2;
   const auto rule = [&]
@@ -1329,7 +1338,7 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
     ImGui::GetWindowDrawList()->AddLine(at, ImVec2(at.x + width, at.y), ImGui::GetColorU32(Colors::Line));
     ImGui::Dummy(ImVec2(0, this->S(4)));
   };
-  ImGui::SetCursorPos(ImVec2(left, this->S(60)));
+  ImGui::SetCursorPos(ImVec2(left, this->S(max.y - min.y > this->S(520) ? 60 : 24)));
   ImGui::BeginGroup();
   ImGui::PushTextWrapPos(ImGui::GetCursorPosX() + width);
   if (!this->OpenErrors.empty())

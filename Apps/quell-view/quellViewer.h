@@ -135,8 +135,9 @@ private:
   // quellViewerImage.cxx
   void ImagePanel(const ImVec2& min, const ImVec2& max);
   void ImageToolbar();
-  void DisplayControls(const std::function<void(double, double)>& next, double shrink);
-  void CompareControls(const std::function<void(double, double)>& next, double shrink);
+  void DisplayControls(const std::function<void(float, double)>& next, const std::function<float(double)>& width);
+  void CompareControls(const std::function<void(float, double)>& next, const std::function<float(double)>& width);
+  void CloseMenuOnEscape();
   std::string DifferenceText() const;
   void DrawImage(const ImVec2& min, const ImVec2& max);
   void Legend(const DisplayImage& image, const ImVec2& at, const std::string& title);

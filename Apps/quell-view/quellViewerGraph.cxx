@@ -632,7 +632,8 @@ void Viewer::PaletteWindow()
     return;
   }
   const ImGuiIO& io = ImGui::GetIO();
-  const ImVec2 size(this->S(430), this->S(360));
+  const ImVec2 size(
+    std::min(this->S(430), io.DisplaySize.x - this->S(16)), std::min(this->S(360), io.DisplaySize.y - this->S(16)));
   const ImVec2 at(std::max(0.f, std::min(this->PaletteScreen.x, io.DisplaySize.x - size.x - this->S(8))),
     std::max(0.f, std::min(this->PaletteScreen.y, io.DisplaySize.y - size.y - this->S(8))));
   ImGui::SetNextWindowPos(at);
@@ -1870,6 +1871,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   }
   if (ImGui::BeginPopup("node menu"))
   {
+    this->CloseMenuOnEscape();
     const std::string one = this->Selected.size() == 1 ? *this->Selected.begin() : std::string();
     const int index = this->Model.Find(one);
     const GraphBox* b = index >= 0 ? &this->Model.Boxes[std::size_t(index)] : nullptr;
@@ -1923,6 +1925,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
   }
   if (ImGui::BeginPopup("link menu"))
   {
+    this->CloseMenuOnEscape();
     if (this->PaletteOnLink >= 0 && this->PaletteOnLink < int(this->Model.Links.size()))
     {
       const GraphLink l = this->Model.Links[std::size_t(this->PaletteOnLink)];

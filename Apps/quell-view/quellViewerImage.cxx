@@ -129,7 +129,7 @@ void Viewer::ImageToolbar()
                         (this->Compared == CompareMode::Off ? 0 : 158) +
                         (this->Compared == CompareMode::Difference || this->Compared == CompareMode::Signed ? 88 : 0) +
                         (this->Compared != CompareMode::Off && this->BFrom == SourceB::Parameters ? 54 : 0);
-  const double shrink = few ? std::min(1., double(whole) / double(this->S(330)))
+  const double shrink = few ? std::min(1., double(whole) / double(this->S(345)))
                             : std::min(1., std::max(0.72, double(whole) / double(this->S(wanted))));
   // What is shown: node and array.
   ImGui::SetNextItemWidth(this->S(150 * shrink));
@@ -210,31 +210,34 @@ void Viewer::ImageToolbar()
     ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(8), this->S(6)));
     if (ImGui::BeginPopup("more"))
     {
-      const auto below = [](double, double) {};
-      this->DisplayControls(below, 1.4);
-      this->CompareControls(below, 1.4);
+      this->CloseMenuOnEscape();
+      const auto below = [](float, double) {};
+      const auto wide = [this](double) { return this->S(190); };
+      this->DisplayControls(below, wide);
+      this->CompareControls(below, wide);
       ImGui::EndPopup();
     }
     ImGui::PopStyleVar();
     return;
   }
-  const auto next = [this](double width, double gap)
+  const auto next = [this](float needs, double gap)
   {
     ImGui::SameLine(0, this->S(gap));
-    if (ImGui::GetContentRegionAvail().x < this->S(width))
+    if (ImGui::GetContentRegionAvail().x < needs)
     {
       ImGui::NewLine();
     }
   };
-  this->DisplayControls(next, shrink);
-  this->CompareControls(next, shrink);
+  const auto width = [this, shrink](double points) { return this->S(points * shrink); };
+  this->DisplayControls(next, width);
+  this->CompareControls(next, width);
 }
 
-/// `next(width, gap)` goes to where the next control stands.
-void Viewer::DisplayControls(const std::function<void(double, double)>& next, double shrink)
+/// `next(width, gap)` goes to where the next control stands; `width` says how wide one becomes that wants so much.
+void Viewer::DisplayControls(const std::function<void(float, double)>& next, const std::function<float(double)>& width)
 {
-  next(112 * shrink, 14);
-  ImGui::SetNextItemWidth(this->S(112 * shrink));
+  next(width(112), 14);
+  ImGui::SetNextItemWidth(width(112));
   const char* styleName = "Automatic";
   for (const auto& s : DisplayStyleNames())
   {
@@ -256,8 +259,8 @@ void Viewer::DisplayControls(const std::function<void(double, double)>& next, do
   const DisplayStyle style = this->Presented ? this->Presented->A.Style : DisplayStyle::View;
   if (style == DisplayStyle::View)
   {
-    next(100 * shrink, 7);
-    ImGui::SetNextItemWidth(this->S(100 * shrink));
+    next(width(100), 7);
+    ImGui::SetNextItemWidth(width(100));
     if (ImGui::BeginCombo("##view", this->Display.View.c_str()))
     {
       for (const std::string& v : this->Views)
@@ -271,9 +274,9 @@ void Viewer::DisplayControls(const std::function<void(double, double)>& next, do
     }
     this->Mark("image/view");
     this->Tooltip("OpenColorIO view of the shipped configuration");
-    next(110 * shrink, 7);
+    next(width(110), 7);
     float exposure = float(this->Display.Exposure);
-    ImGui::SetNextItemWidth(this->S(110 * shrink));
+    ImGui::SetNextItemWidth(width(110));
     if (ImGui::SliderFloat("##exposure", &exposure, -8, 8, "%+.2f EV"))
     {
       this->Display.Exposure = double(exposure);
@@ -287,7 +290,7 @@ void Viewer::DisplayControls(const std::function<void(double, double)>& next, do
   }
   else if (style != DisplayStyle::Direction && style != DisplayStyle::Labels)
   {
-    next(60, 7);
+    next(this->S(60), 7);
     bool automaticRange = this->Display.AutoRange;
     if (ImGui::Checkbox("auto", &automaticRange))
     {
@@ -303,8 +306,8 @@ void Viewer::DisplayControls(const std::function<void(double, double)>& next, do
     if (!this->Display.AutoRange)
     {
       float range[2] = { float(this->Display.Low), float(this->Display.High) };
-      next(130 * shrink, 7);
-      ImGui::SetNextItemWidth(this->S(130 * shrink));
+      next(width(130), 7);
+      ImGui::SetNextItemWidth(width(130));
       if (ImGui::DragFloat2("##range", range, std::max(1e-5f, std::fabs(range[1] - range[0]) * 0.005f), 0, 0, "%.4g"))
       {
         this->Display.Low = double(range[0]);
@@ -314,11 +317,11 @@ void Viewer::DisplayControls(const std::function<void(double, double)>& next, do
   }
 }
 
-void Viewer::CompareControls(const std::function<void(double, double)>& next, double shrink)
+void Viewer::CompareControls(const std::function<void(float, double)>& next, const std::function<float(double)>& width)
 {
   const Picture shown = this->PictureOf(this->A);
-  next(130 * shrink, 14);
-  ImGui::SetNextItemWidth(this->S(130 * shrink));
+  next(width(130), 14);
+  ImGui::SetNextItemWidth(width(130));
   if (ImGui::BeginCombo("##compare", CompareNames[int(this->Compared)]))
   {
     for (int i = 0; i < 7; ++i)
@@ -336,8 +339,8 @@ void Viewer::CompareControls(const std::function<void(double, double)>& next, do
   this->Tooltip("Compare the picture (A) with another one (B)");
   if (this->Compared != CompareMode::Off)
   {
-    next(150 * shrink, 7);
-    ImGui::SetNextItemWidth(this->S(150 * shrink));
+    next(width(150), 7);
+    ImGui::SetNextItemWidth(width(150));
     const std::string bText =
       this->BFrom == SourceB::Node
         ? (this->B.Node.empty() ? "choose B" : this->B.Node + (this->B.Array.empty() ? "" : ":" + this->B.Array))
@@ -411,7 +414,7 @@ void Viewer::CompareControls(const std::function<void(double, double)>& next, do
     if (this->BFrom == SourceB::Parameters && this->SetB)
     {
       this->Tooltip("parameter " + this->NameOfSetB());
-      next(48, 7);
+      next(this->S(48), 7);
       if (this->Button("Swap", "image/swap", "Edits set B and puts A aside (Shift+P); one step of undo"))
       {
         this->SwapParameters();
@@ -419,8 +422,8 @@ void Viewer::CompareControls(const std::function<void(double, double)>& next, do
     }
     if (this->Compared == CompareMode::Difference || this->Compared == CompareMode::Signed)
     {
-      next(80, 7);
-      ImGui::SetNextItemWidth(this->S(80));
+      next(width(80), 7);
+      ImGui::SetNextItemWidth(width(80));
       ImGui::SliderFloat("##gain", &this->Gain, 0.1f, 1000, "\u00d7 %.3g", ImGuiSliderFlags_Logarithmic);
       this->Mark("image/gain");
       this->Tooltip("Gain of the difference");

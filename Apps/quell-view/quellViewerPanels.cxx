@@ -157,6 +157,7 @@ void Viewer::PropertyMenu(
   {
     return;
   }
+  this->CloseMenuOnEscape();
   const PipelineText* written = this->Doc.FindProperty(scope, box, row.Name);
   if (ImGui::MenuItem("Back to the default", row.DefaultText.c_str(), false, written != nullptr))
   {
