@@ -41,6 +41,7 @@ const std::vector<ArrayType>& KnownArrays()
     { "halfA", ArrayKind::Color, 3, 0, "mean of the even samples' radiance" },
     { "halfB", ArrayKind::Color, 3, 0, "mean of the odd samples' radiance" },
     { "moments", ArrayKind::Moments, 2, 0, "mean and central second moment of luminance" },
+    { "meanRest", ArrayKind::Scalar, 1, 0, "what the mean in `moments` has beyond a float" },
     { "history", ArrayKind::History, 1, 0, "frames of history" },
     { "samples", ArrayKind::Scalar, 1, 0, "samples spent" },
     { "alpha", ArrayKind::Scalar, 1, 0, "coverage" },

@@ -17,7 +17,8 @@ enum Ports
   Length,
   Depth,
   Normal,
-  Id
+  Id,
+  MeanRest
 };
 constexpr int TileWidth = 128, TileRows = 16; // the planes of one lie in the second cache
 }
@@ -45,6 +46,8 @@ void vtkQuellVarianceEstimate::Describe(quell::StageDescription& d)
   d.OptionalInput("depth", quell::ArrayKind::Depth, "depth", "guide of the spatial estimate");
   d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "guide of the spatial estimate");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "never mixes pixels of different ids");
+  d.OptionalInput("meanRest", quell::ArrayKind::Scalar, "meanRest",
+    "TemporalAccumulate's: what the moments' mean has beyond a float");
   d.Output("variance", quell::ArrayKind::Variance, "variance of luminance")
     .Finite("a square, raised where the history is short; not negative");
   d.Output("radiance", quell::ArrayKind::Color, "the input; its neighbourhood's mean where the variance is spatial")
@@ -71,13 +74,14 @@ int vtkQuellVarianceEstimate::HaloFor(int) const
 
 double vtkQuellVarianceEstimate::ScratchBytes(const quell::Rect&, const quell::Rect&, const quell::ArraySet&)
 {
-  return quell::TileScratchBytes(TileWidth, TileRows, quell::VariancePass::Radius, quell::GuidedPlanes::Most(12));
+  return quell::TileScratchBytes(TileWidth, TileRows, quell::VariancePass::Radius, quell::GuidedPlanes::Most(13));
 }
 
 void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
 {
   const quell::Rect region = frame.Region();
   const quell::ImageIn color = frame.Input(Radiance), moments = frame.Input(Moments), length = frame.Input(Length);
+  const quell::ImageIn meanRest = moments ? frame.Input(MeanRest) : quell::ImageIn();
   const quell::ImageIn depth = frame.Input(Depth), normal = frame.Input(Normal), id = frame.Input(Id);
   const quell::ImageOut colorOut = frame.Output("radiance"), varianceOut = frame.Output("variance");
 
@@ -96,13 +100,14 @@ void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
     static thread_local quell::GuidedPlanes planes;
     quell::VariancePass pass = parameters;
     const bool temporal = bool(moments) || bool(length);
-    planes.Begin(tile.grown(quell::VariancePass::Radius).clipped(frame.Whole()), quell::VariancePass::Radius, 12, depth,
-      normal, id);
+    planes.Begin(tile.grown(quell::VariancePass::Radius).clipped(frame.Whole()), quell::VariancePass::Radius,
+      meanRest ? 13 : 12, depth, normal, id);
     pass.in = planes.TakeColor(true, true, false);
     pass.out = planes.TakeColor(bool(colorOut), false, true);
     pass.moments.mean = planes.Take(bool(moments));
     pass.moments.central = planes.Take(bool(moments));
     pass.moments.history = planes.Take(temporal);
+    pass.moments.rest = planes.Take(bool(meanRest));
     pass.guides = planes.Guides;
     const quell::Rect counted = tile.clipped(this->NonFinite.CountedRegion());
     planes.Fill([](const quell::Rect& r, auto&& body) { body(r.y0, r.y1); },
@@ -110,7 +115,8 @@ void vtkQuellVarianceEstimate::Execute(quell::StageFrame& frame)
       {
         this->NonFinite.Add(counted, quell::CopyColor(color, quell::ImageIn(), pass.guides, pass.in, y0, y1, counted));
         if (temporal)
-          quell::CopyMoments(moments, length, pass.guides.layout, pass.in, pass.moments, pass.minimumHistory, y0, y1);
+          quell::CopyMoments(
+            moments, length, meanRest, pass.guides.layout, pass.in, pass.moments, pass.minimumHistory, y0, y1);
       });
     for (int y = tile.y0; y < tile.y1; ++y)
       quell::VarianceRow(pass, y, tile.x0, tile.x1);

@@ -4,7 +4,8 @@
  * @brief   variance of luminance, over frames where there were enough, else over neighbours
  *
  * SVGF's estimate, formula in quellVariance.h. Inputs: radiance (port 0: accumulated illumination); optional moments
- * (mean, central second moment over frames), length (frames), depth, normal, id. Outputs: variance, radiance.
+ * (mean, central second moment over frames), length (frames), depth, normal, id, meanRest (the mean's second float).
+ * Outputs: variance, radiance.
  *
  * Without moments every pixel is estimated in space (a single frame); without length the moments are trusted
  * everywhere. Output radiance is the input where the history is long enough, else the neighbourhood's mean with the

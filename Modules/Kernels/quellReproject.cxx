@@ -54,7 +54,7 @@ struct SurfaceRow
 struct ReprojectResult
 {
   alignas(64) float color[3 * ReprojectRow::Size], moments[2 * ReprojectRow::Size], history[ReprojectRow::Size],
-    mask[ReprojectRow::Size], again[ReprojectRow::Size];
+    mask[ReprojectRow::Size], again[ReprojectRow::Size], meanRest[ReprojectRow::Size] = {};
 };
 constexpr float LargestHistory = 1e18f; // its square is a float
 }
@@ -128,7 +128,8 @@ void ExpectImpl(const ReprojectInputs& in, const ReprojectParameters& par, const
 }
 
 /// Pixels c0 .. c0 + count of row y; surface[0..2]: rows y - 1 .. y + 1.
-void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par, const SurfaceRow* const* surface,
+template <bool TwoFloats>
+void ReprojectRowOf(const ReprojectInputs& in, const ReprojectParameters& par, const SurfaceRow* const* surface,
   const ReprojectRow& row, int y, int c0, int count, ReprojectResult& out)
 {
   const hn::ScalableTag<float> d;
@@ -154,6 +155,8 @@ void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par,
       hn::StoreInterleaved3(zero, zero, zero, d, out.color + 3 * i);
       hn::StoreInterleaved2(zero, zero, d, out.moments + 2 * i);
       hn::StoreU(zero, d, out.history + i);
+      if (TwoFloats)
+        hn::StoreU(zero, d, out.meanRest + i);
       hn::StoreU(hn::Set(d, float(int(ReprojectMask::Background))), d, out.mask + i);
       hn::StoreU(zero, d, out.again + i);
       continue;
@@ -204,7 +207,7 @@ void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par,
       firstX + lanes + 1 <= width && firstY >= 0 && firstY + 2 <= e.height();
 
     V total = zero, heaviest = zero, ref[6] = { zero, zero, zero, zero, zero, zero };
-    V weight[4], value[4][6], spread[4];
+    V weight[4], value[4][6], spread[4], rest[4] = { zero, zero, zero, zero }, refRest = zero;
     auto rejected = hn::Lt(one, zero), huge = rejected;
     for (int k = 0; k < 4; ++k)
     {
@@ -268,6 +271,12 @@ void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par,
         }
         finite = hn::And(finite, hn::And(hn::Lt(hn::Abs(t[3]), inf), hn::Lt(hn::Abs(t[4]), inf)));
         normalSize = hn::And(normalSize, hn::And(fine(t[3]), fine(t[4])));
+        if (TwoFloats)
+        {
+          rest[k] = scalarAt(in.meanRest);
+          finite = hn::And(finite, hn::Lt(hn::Abs(rest[k]), inf));
+          normalSize = hn::And(normalSize, fine(rest[k]));
+        }
       }
       if (in.length)
       {
@@ -289,6 +298,11 @@ void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par,
         t[q] = hn::IfThenElseZero(used, t[q]);
         ref[q] = hn::IfThenElse(heavier, t[q], ref[q]);
       }
+      if (TwoFloats)
+      {
+        rest[k] = hn::IfThenElseZero(used, rest[k]);
+        refRest = hn::IfThenElse(heavier, rest[k], refRest);
+      }
     }
     // Differences to the heaviest tap: constants stay what they are, and nothing cancels.
     const auto enough = hn::And(hn::Ge(total, minimumWeight), hn::Gt(total, zero));
@@ -302,24 +316,54 @@ void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par,
       mix[q] = hn::MulAdd(sum, inverse, ref[q]);
     }
     // The second moment grows by the spread of the means.
-    V spreadSum = zero;
+    V spreadSum = zero, low = zero;
+    if (TwoFloats)
+    {
+      // Means as differences to the heaviest tap's, both floats of them.
+      V offset = zero;
+      for (int k = 0; k < 4; ++k)
+      {
+        spread[k] = hn::Add(hn::Sub(value[k][3], ref[3]), hn::Sub(rest[k], refRest));
+        offset = hn::MulAdd(weight[k], spread[k], offset);
+      }
+      offset = hn::Mul(offset, inverse);
+      const V step = hn::Add(refRest, offset);
+      mix[3] = hn::Add(ref[3], step); // and what that rounds off (Knuth)
+      const V there = hn::Sub(mix[3], ref[3]);
+      low = hn::Add(hn::Sub(ref[3], hn::Sub(mix[3], there)), hn::Sub(step, there));
+      for (int k = 0; k < 4; ++k)
+        spread[k] = hn::Sub(spread[k], offset);
+    }
+    else
+      for (int k = 0; k < 4; ++k)
+        spread[k] = hn::Sub(value[k][3], mix[3]);
     for (int k = 0; k < 4; ++k)
     {
-      spread[k] = hn::Sub(value[k][3], mix[3]);
       spreadSum = hn::MulAdd(weight[k], hn::Mul(spread[k], spread[k]), spreadSum);
     }
     mix[4] = hn::MulAdd(spreadSum, inverse, mix[4]);
     if (!in.moments)
-      mix[3] = mix[4] = zero;
+      mix[3] = mix[4] = low = zero;
     hn::StoreInterleaved3(mix[0], mix[1], mix[2], d, out.color + 3 * i);
     hn::StoreInterleaved2(mix[3], mix[4], d, out.moments + 2 * i);
     hn::StoreU(mix[5], d, out.history + i);
+    if (TwoFloats)
+      hn::StoreU(low, d, out.meanRest + i);
     hn::StoreU(hn::IfThenElseZero(rejected, one), d, out.mask + i);
     auto again = hn::Or(huge, hn::Not(hn::And(on, enough)));
     if (!par.backgroundHistory) // a few pixels at the edges of surfaces: cleared one by one
       again = hn::Or(again, hn::Not(hit));
     hn::StoreU(hn::IfThenElseZero(again, one), d, out.again + i);
   }
+}
+
+void ReprojectRowImpl(const ReprojectInputs& in, const ReprojectParameters& par, const SurfaceRow* const* surface,
+  const ReprojectRow& row, int y, int c0, int count, ReprojectResult& out)
+{
+  if (in.meanRest)
+    ReprojectRowOf<true>(in, par, surface, row, y, c0, count, out);
+  else
+    ReprojectRowOf<false>(in, par, surface, row, y, c0, count, out);
 }
 }
 }
@@ -492,7 +536,7 @@ ReprojectMask Test(const ReprojectInputs& in, const ReprojectParameters& par, co
   if (in.moments)
   {
     const float* m = in.moments.at(x, y);
-    if (!std::isfinite(m[0]) || !std::isfinite(m[1]))
+    if (!std::isfinite(m[0]) || !std::isfinite(m[1]) || (in.meanRest && !std::isfinite(*in.meanRest.at(x, y))))
       return ReprojectMask::BadHistory;
   }
   if (in.length)
@@ -598,6 +642,8 @@ void Clear(const ReprojectOutputs& out, int x, int y, ReprojectMask mask) noexce
     out.moments.at(x, y)[0] = out.moments.at(x, y)[1] = 0;
   if (out.history)
     *out.history.at(x, y) = 0;
+  if (out.meanRest)
+    *out.meanRest.at(x, y) = 0;
   Store(out, x, y, mask);
 }
 
@@ -727,24 +773,33 @@ void ReprojectPixel(
       }
       out.radiance.at(x, y)[c] = float(v);
     }
-  if (out.moments)
+  if (out.moments || out.meanRest)
   {
     double mean = 0, second = 0;
     if (in.moments)
     {
+      const auto meanOf = [&](const Tap& t)
+      { return double(in.moments.at(t.x, t.y)[0]) + (in.meanRest ? double(*in.meanRest.at(t.x, t.y)) : 0.); };
       for (int k = 0; k < count; ++k)
-        mean += taps[k].weight * in.moments.at(taps[k].x, taps[k].y)[0];
+        mean += taps[k].weight * meanOf(taps[k]);
       mean /= total;
       for (int k = 0; k < count; ++k)
       {
         const float* m = in.moments.at(taps[k].x, taps[k].y);
-        const double d = m[0] - mean;
+        const double d = meanOf(taps[k]) - mean;
         second += taps[k].weight * (m[1] + d * d);
       }
       second = std::min<double>(second / total, std::numeric_limits<float>::max());
     }
-    out.moments.at(x, y)[0] = float(mean);
-    out.moments.at(x, y)[1] = float(second);
+    const double limit = std::numeric_limits<float>::max();
+    mean = std::min(std::max(mean, -limit), limit); // two floats may reach beyond
+    if (out.moments)
+    {
+      out.moments.at(x, y)[0] = float(mean);
+      out.moments.at(x, y)[1] = float(second);
+    }
+    if (out.meanRest)
+      *out.meanRest.at(x, y) = in.meanRest ? float(mean - float(mean)) : 0.f;
   }
   if (out.history)
   {
@@ -811,7 +866,7 @@ bool Vectorised(const ReprojectInputs& in, const ReprojectParameters& par) noexc
   if (std::int64_t(in.frame.area()) * 3 > std::numeric_limits<int>::max() - 16)
     return false;
   for (const ImageIn* view :
-    { &in.history, &in.moments, &in.length, &in.previousDepth, &in.previousNormal, &in.previousId })
+    { &in.history, &in.moments, &in.length, &in.meanRest, &in.previousDepth, &in.previousNormal, &in.previousId })
     if (*view && (view->extent != in.frame || view->rowStride != std::ptrdiff_t(in.frame.width()) * view->components))
       return false;
   return true;
@@ -857,6 +912,8 @@ void Reproject(
         std::copy(result.moments, result.moments + 2 * count, out.moments.at(c0, y));
       if (out.history)
         std::copy(result.history, result.history + count, out.history.at(c0, y));
+      if (out.meanRest)
+        std::copy(result.meanRest, result.meanRest + count, out.meanRest.at(c0, y));
       if (out.mask)
         std::copy(result.mask, result.mask + count, out.mask.at(c0, y));
       for (int i = 0; i < count; ++i)

@@ -62,6 +62,7 @@ struct ReprojectInputs
 {
   ImageIn depth, normal, id, motion, position;
   ImageIn history, moments, length, previousDepth, previousNormal, previousId;
+  ImageIn meanRest = {};          ///< what the moments' mean has beyond a float; needs `moments`
   Rect frame;                     ///< the whole frame
   ViewGeometry current, previous; ///< `previous` takes points relative to the current origin
   bool stillCamera = false;       ///< no camera is known: without motion, take it to stand still
@@ -83,6 +84,7 @@ struct ReprojectParameters
 struct ReprojectOutputs
 {
   ImageOut radiance, moments, history, mask;
+  ImageOut meanRest = {}; ///< 0 without the input of that name
 };
 
 /// Fetches, for each pixel x of `tile`, the previous frame's colour, moments and history length at q = x + motion.
@@ -110,7 +112,8 @@ struct ReprojectOutputs
 /// Weights of valid taps are renormalised when they sum to minimumWeight or more; otherwise the valid pixels of the 3 x
 /// 3 around q are averaged; otherwise everything is 0. catmullRom sharpens the colour where all taps are valid (4 x 4
 /// taps clamped to the range of the central four). Moments are (mean, central second moment), so a mix of taps with
-/// weights w adds the spread of the means: M2 = sum w (M2_i + (mean_i - mean)^2). Without a length view, length is 1
+/// weights w adds the spread of the means: M2 = sum w (M2_i + (mean_i - mean)^2). With meanRest the means are sums of
+/// two floats, here and in the result. Without a length view, length is 1
 /// where there is history. Sources: validated bilinear fetch of Schied et al. 2017; tolerances as in
 /// Documentation/numerics.md.
 ///

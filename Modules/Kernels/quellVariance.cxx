@@ -33,7 +33,9 @@ namespace quell
 {
 namespace HWY_NAMESPACE
 {
-void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
+/// `TwoFloats`: means have a rest.
+template <bool TwoFloats>
+void VarianceRowOf(const VariancePass& a, int y, int x0, int x1)
 {
   constexpr int R = VariancePass::Radius, Side = 2 * R + 1;
   const hn::ScalableTag<float> d;
@@ -52,6 +54,7 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
     squarings = a.sigmaNormal == float(1 << k) ? k : squarings;
   const V leastCosine = hn::Set(d, squarings >= 0 ? std::exp2(-120.f / a.sigmaNormal) : 0.f);
   const float* mean = a.moments.mean ? a.moments.mean : a.in.luminance;
+  const float* rest = a.moments.rest;
   const auto first = layout.at(x0, y);
 
   for (int i = 0; i < x1 - x0; i += lanes)
@@ -78,6 +81,12 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
       const V meanIn = hn::LoadU(d, mean + p);
       // Shift by the centre's mean so that the sum of differences is small; 0 where the centre has none.
       const V shift = hn::IfThenElseZero(valid, meanIn);
+      const V restShift = TwoFloats ? hn::IfThenElseZero(valid, hn::LoadU(d, rest + p)) : zero;
+      const auto shifted = [&](std::ptrdiff_t q) HWY_ATTR
+      {
+        const V difference = hn::Sub(hn::LoadU(d, mean + q), shift);
+        return TwoFloats ? hn::Add(difference, hn::Sub(hn::LoadU(d, rest + q), restShift)) : difference;
+      };
       HWY_ALIGN float weights[Side * Side * 64];
       V sw = zero, sm = zero, sc[3] = { zero, zero, zero };
       V centre = zero;
@@ -136,13 +145,13 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
             const V delta = hn::Sub(hn::LoadU(d, a.in.color[k] + q), c[k]);
             sc[k] = hn::MulAdd(w, hn::Min(hn::Max(delta, minusStep), step), sc[k]);
           }
-          const V m = hn::IfThenElseZero(hn::Gt(w, zero), hn::Sub(hn::LoadU(d, mean + q), shift));
+          const V m = hn::IfThenElseZero(hn::Gt(w, zero), shifted(q));
           sm = hn::MulAdd(w, m, sm);
         }
       }
       const auto some = hn::Gt(sw, hn::Set(d, 1e-18f));
       const V inv = hn::Div(one, hn::IfThenElse(some, sw, one));
-      const V m = hn::MulAdd(sm, inv, shift);
+      const V m = hn::MulAdd(sm, inv, shift), offset = hn::Mul(sm, inv);
       V sv = zero;
       for (int dy = -R; dy <= R; ++dy)
         for (int dx = -R; dx <= R; ++dx)
@@ -152,7 +161,8 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
             continue;
           const auto q = p + dy * layout.stride + dx;
           const V w = hn::Load(d, weights + ((dy + R) * Side + dx + R) * lanes);
-          V delta = hn::Sub(hn::IfThenElse(hn::Gt(w, zero), hn::LoadU(d, mean + q), m), m);
+          V delta = TwoFloats ? hn::Sub(hn::IfThenElse(hn::Gt(w, zero), shifted(q), offset), offset)
+                              : hn::Sub(hn::IfThenElse(hn::Gt(w, zero), hn::LoadU(d, mean + q), m), m);
           delta = hn::Min(hn::Abs(delta), largest);
           V v = hn::Mul(delta, delta);
           if (a.moments.central)
@@ -176,6 +186,14 @@ void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
     hn::StoreU(hn::IfThenElse(hit, variance, hn::Set(d, -1.f)), d, a.out.variance + p);
   }
 }
+
+void VarianceRowImpl(const VariancePass& a, int y, int x0, int x1)
+{
+  if (a.moments.rest)
+    VarianceRowOf<true>(a, y, x0, x1);
+  else
+    VarianceRowOf<false>(a, y, x0, x1);
+}
 }
 }
 HWY_AFTER_NAMESPACE();
@@ -190,15 +208,15 @@ void VarianceRow(const VariancePass& pass, int y, int x0, int x1) noexcept
   HWY_DYNAMIC_DISPATCH(VarianceRowImpl)(pass, y, x0, x1);
 }
 
-void CopyMoments(const ImageIn& moments, const ImageIn& history, const PlaneLayout& layout, const ColorPlanes& color,
-  const MomentPlanes& planes, float unknownHistory, int y0, int y1) noexcept
+void CopyMoments(const ImageIn& moments, const ImageIn& history, const ImageIn& meanRest, const PlaneLayout& layout,
+  const ColorPlanes& color, const MomentPlanes& planes, float unknownHistory, int y0, int y1) noexcept
 {
   const Rect& e = layout.extent;
   for (int y = y0; y < y1; ++y)
   {
     const auto row = layout.at(e.x0, y);
     // Lanes beyond the row must read numbers.
-    for (float* plane : { planes.mean, planes.central, planes.history })
+    for (float* plane : { planes.mean, planes.central, planes.history, planes.rest })
       if (plane)
       {
         std::fill(plane + row - layout.pad, plane + row, 0.f);
@@ -222,6 +240,12 @@ void CopyMoments(const ImageIn& moments, const ImageIn& history, const PlaneLayo
         planes.mean[row + i] = mean;
         planes.central[row + i] = good && m[1] > 0 ? (m[1] < LargestMoment ? m[1] : LargestMoment) : 0.f;
         h = good ? h : 0.f;
+        if (planes.rest)
+        {
+          // The rest of a mean that is limited, or is the luminance, would be another one's.
+          const float r = meanRest && mean == m[0] ? *meanRest.at(e.x0 + i, y) : 0.f;
+          planes.rest[row + i] = Finite(r) ? std::min(std::max(r, -LargestMoment), LargestMoment) : 0.f;
+        }
       }
       if (planes.history)
         planes.history[row + i] = h;
@@ -267,6 +291,7 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
   const PlaneLayout& layout = a.guides.layout;
   const float inf = std::numeric_limits<float>::infinity();
   const float* mean = a.moments.mean ? a.moments.mean : a.in.luminance;
+  const auto meanAt = [&](std::ptrdiff_t q) { return mean[q] + (a.moments.rest ? double(a.moments.rest[q]) : 0.); };
   for (int x = x0; x < x1; ++x)
   {
     const auto p = layout.at(x, y);
@@ -299,7 +324,7 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
             {
               if (weights[k] > 0)
               {
-                const double delta = std::min(std::fabs(mean[q] - m), double(LargestDifference));
+                const double delta = std::min(std::fabs(meanAt(q) - m), double(LargestDifference));
                 sv += weights[k] * ((a.moments.central ? a.moments.central[q] : 0.) + delta * delta);
               }
               continue;
@@ -326,7 +351,7 @@ void VarianceRowScalar(const VariancePass& a, int y, int x0, int x1) noexcept
             weights[k] = w;
             sw += w;
             if (w > 0)
-              sm += double(w) * mean[q];
+              sm += double(w) * meanAt(q);
             for (int c = 0; c < 3; ++c)
             {
               const double delta = double(a.in.color[c][q]) - a.in.color[c][p];

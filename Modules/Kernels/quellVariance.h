@@ -13,13 +13,16 @@ struct MomentPlanes
   float* mean = nullptr;    ///< of the luminance over frames; absent: the luminance of the colour
   float* central = nullptr; ///< central second moment over frames; absent: 0
   float* history = nullptr; ///< frames in them; absent: 1
+  float* rest = nullptr;    ///< what the mean has beyond a float; absent: 0
 };
 
 /// Rows [y0, y1) of the planes, padding included. `moments` (mean, central second moment) and `history` may each be
 /// absent: without `history` every pixel has seen `unknownHistory` frames. A pixel with a moment that is not finite
 /// counts as history 0 with mean = luminance, central = 0; a history that is not finite or is negative as 0.
-QUELLKERNELS_EXPORT void CopyMoments(const ImageIn& moments, const ImageIn& history, const PlaneLayout& layout,
-  const ColorPlanes& color, const MomentPlanes& planes, float unknownHistory, int y0, int y1) noexcept;
+/// `meanRest`, which may be absent, goes with `moments`; one that is not finite counts as 0.
+QUELLKERNELS_EXPORT void CopyMoments(const ImageIn& moments, const ImageIn& history, const ImageIn& meanRest,
+  const PlaneLayout& layout, const ColorPlanes& color, const MomentPlanes& planes, float unknownHistory, int y0,
+  int y1) noexcept;
 
 /// Variance of the luminance: temporal where a pixel has seen enough frames, else from its neighbourhood (SVGF).
 ///
@@ -33,7 +36,8 @@ QUELLKERNELS_EXPORT void CopyMoments(const ImageIn& moments, const ImageIn& hist
 ///   ofMean: V is divided by min(h, maximumSamples)
 ///
 /// Two passes over the window (no E[x^2] - E[x]^2), the weights kept between them; differences are limited to 1e18, so
-/// V is at most ~1e37 and finite. Units: luminance squared. Border: taps outside, not hit, not finite, or of another id
+/// V is at most ~1e37 and finite. With a rest, means are the sums of two floats and taken as differences to the centre's.
+/// Units: luminance squared. Border: taps outside, not hit, not finite, or of another id
 /// have weight 0. Where nothing was hit the colour keeps its planes and V is -1 (StoreFiltered gives 0). Source: Schied
 /// et al. 2017, section 4.2; the boost 4/h as in Falcor's SVGF pass.
 struct VariancePass

@@ -457,7 +457,7 @@ int ObjReader::LoadTexture(const std::string& name, bool srgb, bool clamp, const
     {
       Warn(this->Out, "map",
         "image \"" + path + "\" cannot be used (" + reason + "); it is replaced by a neutral value",
-        "put the image there or correct the name");
+        "put a usable image there or correct the name");
       return false;
     }
     Bytes content;

@@ -320,6 +320,8 @@ struct SceneOptions
 /// clips that move different things play together, unless one is chosen. A node with EXT_mesh_gpu_instancing gets one child node per
 /// instance, behind the nodes of the file. WebP images are read where OpenImageIO can.
 ///
+/// Images of OBJ are read in the formats of LoadEnvironment.
+///
 /// OBJ has no camera and none is made. One node per group or object, all double-sided, v flipped to point down.
 /// MTL -> Material:
 ///   Ks = 0                        Lambert of reflectance Kd (Specular 0)
@@ -337,7 +339,8 @@ struct SceneOptions
 ///   map_Kd, norm, -s, -o, -clamp  BaseColorTexture, NormalTexture, Transform, Wrap; Pr and Pm override
 VTKQUELLSCENE_EXPORT std::shared_ptr<const Scene> LoadScene(const std::string& file, const SceneOptions& options = {});
 
-/// Reads a latitude-longitude image (any format OpenImageIO reads) into `scene` as its environment, scaled by `scale`.
+/// Reads a latitude-longitude image into `scene` as its environment, scaled by `scale`: HDR, OpenEXR, PNG, JPEG, WebP
+/// (where OpenImageIO can), Targa, BMP or PNM, told by what the file holds; 8 bits are taken as sRGB.
 VTKQUELLSCENE_EXPORT void LoadEnvironment(Scene& scene, const std::string& file, float scale = 1);
 
 /// Gives `scene` a studio as its environment: grey, brighter towards the zenith, with a soft key light in front, above

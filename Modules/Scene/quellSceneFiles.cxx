@@ -3,6 +3,7 @@
 
 #include "quellImageGuard.h"
 #include "quellMemoryLimits.h"
+#include "quellPlainImage.h"
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
@@ -321,6 +322,22 @@ static bool DecodeAs(const std::string& format, const Bytes& content, Texture& t
   }
 }
 
+/// Targa and BMP, by our own code.
+static bool DecodePlain(const std::string& format, const Bytes& content, Texture& texture, std::string& reason)
+{
+  PlainImage image;
+  // As RGBA, beside the pixels as decoded.
+  const auto take = [](std::uint64_t bytes) { SceneMemory::Take(bytes * 4); };
+  if (!DecodePlainImage(format, content.data(), content.size(), take, image, reason))
+    return false;
+  texture.Width = image.Width;
+  texture.Height = image.Height;
+  texture.Bytes = ToRgba<std::uint8_t>(
+    image.Pixels, std::size_t(image.Width) * std::size_t(image.Height), image.Channels, std::uint8_t(255));
+  texture.Floats.clear();
+  return true;
+}
+
 bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
 {
   const std::string format = SniffImage(content.data(), content.size());
@@ -336,7 +353,16 @@ bool LoadImage(const std::string& file, Texture& texture, std::string& reason)
     return false;
   const std::string format = SniffImage(content.data(), content.size());
   if (format.empty())
-    return reason = std::string("this is no image format that Quell reads; ") + ImageFormatRemedy, false;
+  {
+    const std::string plain = SniffPlainImage(content.data(), content.size(), file);
+    if (!plain.empty())
+      return DecodePlain(plain, content, texture, reason);
+    const bool tiff = content.size() > 4 &&
+                      (std::memcmp(content.data(), "II*", 4) == 0 || std::memcmp(content.data(), "MM\0*", 4) == 0);
+    return reason = std::string(tiff ? "TIFF is not read" : "this is no image format that Quell reads") +
+                    "; convert it to PNG",
+           false;
+  }
   if (format == "png" || format == "jpeg" || format == "webp")
     return DecodeAs(format, content, texture, reason);
   ByteStream bytes(content);

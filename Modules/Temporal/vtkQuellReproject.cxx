@@ -25,7 +25,8 @@ enum Port
   Length,
   PreviousDepth,
   PreviousNormal,
-  PreviousId
+  PreviousId,
+  MeanRest
 };
 
 std::string SizeText(const quell::Rect& r)
@@ -85,9 +86,11 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
   d.Input("previousDepth", ArrayKind::Depth, "depth", "delayed: the previous frame's depth");
   d.Input("previousNormal", ArrayKind::Normal, "normal", "delayed: its normals");
   d.OptionalInput("previousId", ArrayKind::Id, "id", "delayed: its ids");
+  d.OptionalInput(
+    "meanRest", ArrayKind::Scalar, "meanRest", "delayed: its meanRest, the second float of the moments' mean");
   d.Inputs[Depth].Halo = 1;
   d.Inputs[Id].Halo = 1;
-  for (int port : { History, Moments, Length, PreviousDepth, PreviousNormal, PreviousId })
+  for (int port : { History, Moments, Length, PreviousDepth, PreviousNormal, PreviousId, MeanRest })
   {
     d.Inputs[port].Delayed = true;
     d.Inputs[port].Reach = 2; // Catmull-Rom: 4 x 4; else 2 x 2, or 3 x 3 around the nearest
@@ -99,6 +102,8 @@ void vtkQuellReproject::Describe(quell::StageDescription& d)
     .Mean({ "length" })
     .OrZero();
   d.Output("mask", ArrayKind::Scalar, "how each pixel got its history or why it has none (0 to 11)").Within(0, 11);
+  d.Output("meanRest", ArrayKind::Scalar, "what the moments' mean has beyond a float; 0 without the input")
+    .Finite("at most half a step of the mean");
   QUELL_DOUBLE(d, DepthTolerance, "", "accepted depth difference, in (slope per pixel + DepthEpsilon depth)");
   QUELL_DOUBLE(d, DepthEpsilon, "", "part of the depth tolerated on a surface seen face on");
   QUELL_DOUBLE(d, MovingDepthTolerance, "", "further part of the depth tolerated where the point itself moved");
@@ -145,8 +150,9 @@ quell::ReprojectInputs vtkQuellReproject::Gather(quell::StageFrame& frame, std::
     in.previousDepth = frame.Input(PreviousDepth);
     in.previousNormal = frame.Input(PreviousNormal);
     in.previousId = frame.Input(PreviousId);
+    in.meanRest = in.moments ? frame.Input(MeanRest) : quell::ImageIn();
     for (const quell::ImageIn& view :
-      { in.history, in.moments, in.length, in.previousDepth, in.previousNormal, in.previousId })
+      { in.history, in.moments, in.length, in.previousDepth, in.previousNormal, in.previousId, in.meanRest })
       if (view && view.extent != in.frame)
       {
         warnings.push_back(
@@ -197,7 +203,7 @@ void vtkQuellReproject::Execute(quell::StageFrame& frame)
   const quell::ReprojectInputs in = this->Gather(frame, this->Warnings);
   const quell::ReprojectParameters parameters = this->Parameters();
   const quell::ReprojectOutputs out{ frame.Output("radiance"), frame.Output("moments"), frame.Output("history"),
-    frame.Output("mask") };
+    frame.Output("mask"), frame.Output("meanRest") };
   this->ForEachTile(frame.Region(), 64, [&](const quell::Rect& tile) { quell::Reproject(in, parameters, out, tile); });
 }
 

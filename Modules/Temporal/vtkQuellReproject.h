@@ -11,9 +11,10 @@
  * `depth` and of `previousDepth`) and the depth or, more precisely, `position`. That knows the camera only: what moves
  * by itself then has no valid history. Without motion and without matrices the camera is taken to stand still.
  *
- * Outputs: radiance (linear), moments (mean, central second moment), history (frames; 0: disoccluded), mask (below).
- * Inputs history, moments, length, previousDepth, previousNormal and previousId are delayed ones (SetHistory); they
- * cover the whole frame. On the first frame, or after a change of size, everything is 0 and mask is 3.
+ * Outputs: radiance (linear), moments (mean, central second moment), history (frames; 0: disoccluded), mask (below),
+ * meanRest (what the moments' mean has beyond a float; 0 unless the input of that name is connected).
+ * Inputs history, moments, length, previousDepth, previousNormal, previousId and meanRest are delayed ones (SetHistory);
+ * they cover the whole frame. On the first frame, or after a change of size, everything is 0 and mask is 3.
  *
  * mask: 0 every tap valid; 1 some taps rejected; 2 from the 3 x 3 neighbourhood; and without history: 3 no previous
  * frame; 4 outside of it; 5 not projectable; 6 surface against background; 7 other id; 8 other depth; 9 other normal;

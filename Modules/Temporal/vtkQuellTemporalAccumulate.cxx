@@ -33,17 +33,24 @@ void vtkQuellTemporalAccumulate::Describe(quell::StageDescription& d)
     "is lag "
     "where light changes, since only geometry is validated: after a step, 1 % is left after 21 frames with 0.2, 90 "
     "with 0.05.\n\n"
+    "The second moment is right within 1e-3 up to a mean of 1e4 deviations. With `meanRest` connected (this stage's "
+    "output of that name, delayed, through Reproject) the mean is carried as two floats, moments[0] + meanRest, and it "
+    "is right up to 1e6.\n\n"
     "A non-finite pixel of the new frame keeps its history; without history it gets the mean of its finite 3 x 3 "
     "neighbours (0 without any) and length 0. It is counted. Nothing non-finite is stored.";
   d.Input("radiance", ArrayKind::Color, "radiance", "the new frame");
   d.Input("history", ArrayKind::Color, "radiance", "Reproject's radiance");
   d.OptionalInput("moments", ArrayKind::Moments, "moments", "Reproject's moments");
   d.Input("length", ArrayKind::History, "history", "Reproject's history");
+  d.OptionalInput("meanRest", ArrayKind::Scalar, "meanRest",
+    "Reproject's meanRest; connected, the moments' mean is carried as two floats");
   d.Inputs[0].Halo = 1;
   d.Output("radiance", ArrayKind::Color, "accumulated colour").Mean({ "radiance", "history" });
   d.Output("moments", ArrayKind::Moments, "mean and central second moment of the frames' luminance")
     .Finite("the second moment is a square");
   d.Output("history", ArrayKind::History, "frames accumulated, at most MaximumHistory").Within(0, 1048576);
+  d.Output("meanRest", ArrayKind::Scalar, "what the moments' mean has beyond a float; 0 without the input")
+    .Finite("at most half a step of the mean");
   QUELL_DOUBLE(d, Alpha, "", "smallest weight of the new frame in the colour");
   QUELL_DOUBLE(d, MomentsAlpha, "", "smallest weight of the new frame in the moments");
   QUELL_INT(d, MaximumHistory, "frames", "largest history length; 1 means no history");
@@ -53,13 +60,14 @@ double vtkQuellTemporalAccumulate::HistoryWeight(int port) const
 {
   const double least = 1. / this->MaximumHistory;
   const double color = 1 - std::max(this->Alpha, least), moments = 1 - std::max(this->MomentsAlpha, least);
-  return port == 0 ? 1 : port == 1 ? color : port == 2 ? moments : std::max(color, moments);
+  return port == 0 ? 1 : port == 1 ? color : port == 2 || port == 4 ? moments : std::max(color, moments);
 }
 
 void vtkQuellTemporalAccumulate::Execute(quell::StageFrame& frame)
 {
-  const quell::AccumulateInputs in{ frame.Input(0), frame.Input(1), frame.Input(2), frame.Input(3) };
-  const quell::AccumulateOutputs out{ frame.Output("radiance"), frame.Output("moments"), frame.Output("history") };
+  const quell::AccumulateInputs in{ frame.Input(0), frame.Input(1), frame.Input(2), frame.Input(3), frame.Input(4) };
+  const quell::AccumulateOutputs out{ frame.Output("radiance"), frame.Output("moments"), frame.Output("history"),
+    frame.Output("meanRest") };
   const quell::AccumulateParameters parameters{ this->Alpha, this->MomentsAlpha, double(this->MaximumHistory) };
   std::atomic<std::int64_t> bad{ 0 };
   this->ForEachTile(

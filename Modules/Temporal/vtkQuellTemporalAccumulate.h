@@ -7,7 +7,11 @@
  * MomentsAlpha, as (mean, central second moment). Where history is 0 the new frame is taken as it is. See
  * quellAccumulate.h.
  *
- * Inputs radiance (linear) and the three outputs of Reproject. Outputs radiance, moments, history (frames).
+ * Inputs radiance (linear) and the outputs of Reproject. Outputs radiance, moments, history (frames), meanRest.
+ *
+ * With the input meanRest connected the mean of the moments is carried as two floats, moments[0] + meanRest: the
+ * variance is then right within 1e-3 for means of up to 1e6 deviations instead of 1e4. Take it around the loop as the
+ * moments are: this stage's meanRest, delayed, to Reproject, and from there to here (and on to VarianceEstimate).
  * Border: nothing but the pixel is read, except to fill. Non-finite: such a pixel of the new frame keeps its history,
  * or gets the mean of its finite neighbours and history 0; it is counted.
  */

@@ -162,6 +162,10 @@ TEST_P(Exactness, EveryInstructionSetAgrees)
         double largest = 0, worst = 0, smape = 0;
         for (float v : a)
           largest = std::max(largest, std::isfinite(v) ? std::fabs(double(v)) : 0.);
+        // The second float of a mean: where one code rounds the first one up and another down, it is the opposite.
+        const bool rest = entry.first == "meanRest";
+        for (size_t i = 0; rest && i < a.size(); ++i)
+          largest = std::max(largest, 1e3 * std::fabs(best["moments"][2 * i]));
         for (size_t i = 0; i < a.size(); ++i)
         {
           if (std::memcmp(&a[i], &b[i], sizeof(float)) == 0)

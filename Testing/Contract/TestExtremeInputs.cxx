@@ -597,12 +597,17 @@ TEST_P(Extremes, PoisonLeavesTheHistory)
     std::vector<Loop> found;
     for (std::size_t f = 0; f < bench.Feeds.size(); ++f)
       if (bench.IsDelayed(bench.Feeds[f]) || bench.Stage->HistoryWeight(bench.Feeds[f].Port) < 1)
-        for (const quell::OutputArray& o : bench.Stage->GetDescription().Outputs)
-          if (o.Kind == bench.Feeds[f].Kind)
-          {
-            found.push_back({ f, o.Name });
-            break;
-          }
+      {
+        // What has the input's name comes back in it, else what is of its kind.
+        const std::vector<quell::OutputArray>& outputs = bench.Stage->GetDescription().Outputs;
+        auto back = std::find_if(outputs.begin(), outputs.end(),
+          [&](const quell::OutputArray& o) { return o.Name == bench.Feeds[f].Name && o.Kind == bench.Feeds[f].Kind; });
+        if (back == outputs.end())
+          back = std::find_if(outputs.begin(), outputs.end(),
+            [&](const quell::OutputArray& o) { return o.Kind == bench.Feeds[f].Kind; });
+        if (back != outputs.end())
+          found.push_back({ f, back->Name });
+      }
     return found;
   };
   PortBench shape(this->GetParam(), 19, 15);

@@ -375,8 +375,9 @@ FuzzCase FileMutator::Make(std::uint64_t n)
   const std::string kind = ExtensionOf(document.Name);
   const bool exr = kind == ".exr", gltf = kind == ".gltf" || kind == ".json", glb = kind == ".glb",
              obj = kind == ".obj";
-  static const std::set<std::string> images{ ".exr", ".png", ".jpg", ".hdr", ".ppm", ".pfm", ".webp" };
+  static const std::set<std::string> images{ ".exr", ".png", ".jpg", ".hdr", ".ppm", ".pfm", ".webp", ".tga", ".bmp" };
   const bool state = kind == ".checkpoint", colour = !exr && !gltf && !glb && !obj && !state && !images.count(kind);
+  const bool plain = kind == ".tga" || kind == ".bmp"; // a head of fixed fields
   // One change finds what many would hide.
   for (std::size_t edits = 1 + this->Below(this->Below(3) ? 2 : 10); edits > 0 && !text.empty(); --edits)
   {
@@ -394,6 +395,12 @@ FuzzCase FileMutator::Make(std::uint64_t n)
       this->MutateLines(text, ColourWords);
     else if (colour || state)
       this->MutateBytes(text, state ? StateWords : ColourWords, 0);
+    else if (plain && what < 2)
+    {
+      const std::size_t bytes = std::size_t(1) << this->Below(3);
+      if (text.size() > bytes)
+        PutNumber(text, this->Below(std::min<std::size_t>(text.size() - bytes, 72)), this->Number(), int(bytes), false);
+    }
     else if (!gltf && !obj && what == 2)
     {
       std::string head = text.substr(0, 400);

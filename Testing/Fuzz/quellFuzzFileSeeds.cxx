@@ -463,6 +463,24 @@ std::vector<FuzzFileBomb> FuzzFileBombs()
            attribute("screenWindowWidth", "float", std::string(reinterpret_cast<const char*>(&one), 4)) + more + '\0' +
            std::string(64, '\0');
   };
+  {
+    // Runs of 128 grey pixels in two bytes each.
+    const auto targa = [&](int width, int height, std::size_t packets)
+    {
+      std::string text(18, '\0');
+      text[2] = 11, text[16] = 8;
+      for (std::size_t i = 0; i < 2; ++i)
+        text[12 + i] = char(width >> 8 * i), text[14 + i] = char(height >> 8 * i);
+      return text + repeat("\xff\x55", packets);
+    };
+    bombs.push_back({ "runs-of-nothing.tga", targa(65535, 65535, 1000), "more than" });
+    bombs.push_back({ "runs-too-few.tga", targa(16000, 16000, 1000), "the file holds" });
+    bombs.push_back({ "runs.tga", targa(16384, 8192, 16384 * 8192 / 128), tooLarge });
+    std::string bmp(54, '\0');
+    bmp[0] = 'B', bmp[1] = 'M', bmp[10] = 54, bmp[14] = 40, bmp[26] = 1, bmp[28] = 1;
+    bmp[20] = 1, bmp[22] = char(0x80), bmp[25] = char(0xff); // 65536 x -16777088
+    bombs.push_back({ "deep.bmp", bmp, "more than" });
+  }
   bombs.push_back({ "wide.exr", exr(2147483647, 1, 3, "", 0), "!" });
   bombs.push_back({ "tall.exr", exr(1, 2147483647, 3, "", 0), "!" });
   bombs.push_back({ "large.exr", exr(16384, 16384, 3, "", 0), "!" });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // quell-fuzz-files [options, see quellFuzzWatch.h] [FILE|DIRECTORY...]
 //
-// Reads mutated images (OpenEXR, PNG, JPEG, HDR, PNM; WebP in scenes) and scenes (glTF, GLB, OBJ with MTL) through the
+// Reads mutated images (OpenEXR, PNG, JPEG, HDR, PNM; WebP, Targa, BMP in scenes) and scenes (glTF, GLB, OBJ with MTL) through the
 // doors that a pipeline opens them by. Seeds are made at the start (quellFuzzFileSeeds.cxx); files named are further
 // ones, such as findings of earlier runs. Promises:
 // - reading ends with data or with an error: one line of readable text, with the file's name, not too long;
@@ -102,11 +102,16 @@ public:
     bool good = false;
     if (extension == ".gltf" || extension == ".glb" || extension == ".obj")
       good = this->CheckScene(file.string(), n, error);
+    else if (extension == ".tga" || extension == ".bmp") // of scenes alone
+      good = this->CheckSky(file.string(), error);
     else
+    {
       good = this->CheckImage(file.string(), n, error);
-    // Scenes read pictures on a way of their own, and WebP only there.
-    if (extension != ".gltf" && extension != ".glb" && extension != ".obj" && n % 2 == 0)
-      this->CheckSky(file.string());
+      // Scenes read pictures on a way of their own, and WebP only there.
+      std::string skyError;
+      if (n % 2 == 0)
+        this->CheckSky(file.string(), skyError);
+    }
     Promise(wanted.empty() || (!good && (wanted == "!" || error.find(wanted) != std::string::npos)),
       "no error \"" + wanted + "\" but \"" + error + "\"");
     return good;
@@ -172,7 +177,7 @@ private:
     }
   }
 
-  void CheckSky(const std::string& file)
+  bool CheckSky(const std::string& file, std::string& error)
   {
     try
     {
@@ -184,10 +189,13 @@ private:
         "a sky of another size than it says");
       for (float v : t.Floats)
         Promise(v >= 0 && std::isfinite(v), "a sky with pixels that are no light");
+      return true;
     }
     catch (const SceneError& e)
     {
-      CheckMessage(e.what(), file);
+      error = e.what();
+      CheckMessage(error, file);
+      return false;
     }
   }
 

@@ -115,11 +115,11 @@ struct Planes
 
   Planes(const quell::Rect& e, int reach, const quell::ImageIn& color, const quell::ImageIn& variance,
     const quell::ImageIn& depth = {}, const quell::ImageIn& normal = {}, const quell::ImageIn& id = {},
-    const quell::ImageIn& momentImage = {}, const quell::ImageIn& history = {})
+    const quell::ImageIn& momentImage = {}, const quell::ImageIn& history = {}, const quell::ImageIn& meanRest = {})
   {
     guides.layout = quell::PlaneLayout(e, reach);
     // Not-a-number everywhere: whatever nobody filled shows.
-    memory.assign(guides.layout.size() * 22, NaN);
+    memory.assign(guides.layout.size() * 23, NaN);
     float* next = memory.data();
     const auto plane = [&](bool used)
     {
@@ -146,7 +146,8 @@ struct Planes
     {
       moments.mean = plane(bool(momentImage)), moments.central = plane(bool(momentImage)),
       moments.history = plane(true);
-      quell::CopyMoments(momentImage, history, guides.layout, in, moments, 4, e.y0, e.y1);
+      moments.rest = plane(bool(meanRest));
+      quell::CopyMoments(momentImage, history, meanRest, guides.layout, in, moments, 4, e.y0, e.y1);
     }
     if (!out.variance)
       out.variance = plane(true);
