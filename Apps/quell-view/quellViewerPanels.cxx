@@ -285,6 +285,17 @@ void Viewer::PropertyRow(const std::string& scope, const std::string& box, const
         : row.Name == "Scene"              ? ".gltf .glb .obj"
         : row.Name == "Config"             ? ".ocio"
                                            : ".exr .hdr .png .jpg .pfm .pgm .ppm");
+      // Where the file is that stands here now.
+      std::error_code ec;
+      const std::filesystem::path now = this->ValueNow(scope, shown);
+      const std::filesystem::path place =
+        std::filesystem::absolute(std::filesystem::path(this->Doc.Get()->Directory) / now, ec)
+          .lexically_normal()
+          .parent_path();
+      if (row.Kind == Property::Type::Path && !now.empty() && !ec && std::filesystem::is_directory(place, ec))
+      {
+        this->DialogDirectory = place.string();
+      }
     }
     this->Mark(mark + "/choose");
     this->Tooltip(

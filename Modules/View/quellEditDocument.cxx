@@ -1441,6 +1441,26 @@ std::string EditDocument::CopyXml(
       copy.Outputs.push_back(o);
     }
   }
+  // With the variables that they read.
+  const auto reads = [&copy](const PipelineVariable& v)
+  {
+    const std::string name = "$(" + v.Name.Value + ")";
+    const auto has = [&name](const PipelineText& text) { return text.Value.find(name) != std::string::npos; };
+    return std::any_of(copy.Nodes.begin(), copy.Nodes.end(),
+             [&](const PipelineNode& n)
+             {
+               return std::any_of(
+                 n.Properties.begin(), n.Properties.end(), [&](const PipelineProperty& p) { return has(p.Value); });
+             }) ||
+           std::any_of(copy.Outputs.begin(), copy.Outputs.end(), [&](const PipelineOutput& o) { return has(o.File); });
+  };
+  for (const PipelineVariable& v : this->Now.Document->Variables)
+  {
+    if (reads(v))
+    {
+      copy.Variables.push_back(v);
+    }
+  }
   const std::size_t all = copy.Nodes.size() + copy.Outputs.size();
   if (count)
   {
@@ -1483,6 +1503,14 @@ std::vector<std::string> EditDocument::PasteXml(
     error = pasted->Outputs.empty() ? "the clipboard holds no nodes"
                                     : "the clipboard holds outputs to files, which a template cannot have";
     return made;
+  }
+  for (const PipelineVariable& v : pasted->Variables)
+  {
+    if (std::none_of(d.Variables.begin(), d.Variables.end(),
+          [&v](const PipelineVariable& known) { return known.Name.Value == v.Name.Value; }))
+    {
+      d.Variables.push_back(v);
+    }
   }
   const PipelinePositions positions = ReadPipelinePositions(whole);
   double left = 0, top = 0;

@@ -76,11 +76,12 @@ public:
   void SetShownPlaces(const PipelinePositions& places);
   /// Of all boxes of a scope at once, as one step.
   void Arrange(const std::string& scope, const std::vector<std::pair<std::string, std::pair<double, double>>>& to);
-  /// Nodes, instances and the pipeline's outputs; `count`: how many of the boxes these are.
+  /// Nodes, instances and the pipeline's outputs, with the variables they read; `count`: how many of the boxes these
+  /// are.
   std::string CopyXml(
     const std::string& scope, const std::vector<std::string>& boxes, std::size_t* count = nullptr) const;
   /// Nodes, instances and, into a pipeline, outputs of a pipeline text; names that exist get a number, references among
-  /// them follow.
+  /// them follow. Variables that there are not yet come along.
   std::vector<std::string> PasteXml(
     const std::string& scope, const std::string& text, double x, double y, std::string& error);
   ///@}

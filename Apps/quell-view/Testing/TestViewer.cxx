@@ -788,6 +788,36 @@ TEST_F(Viewing, WhatIsAddedIsSeenBesideTheListOfMistakes)
   }
 }
 
+// All that was copied arrives, outputs too, and is seen.
+TEST_F(Viewing, WhatIsPastedIsAllThereAndInView)
+{
+  this->Shares = true;
+  this->Start(1300, 900, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  EditDocument& d = this->View->Document();
+  const std::size_t nodes = d.Nodes("").size(), outputs = d.Get()->Outputs.size();
+  this->Do("wait\nmove graph@0.5,0.9\nkey a ctrl\nkey c ctrl\nkey n ctrl\nframes 3\n");
+  ASSERT_TRUE(d.Nodes("").empty());
+  this->Do("move graph@0.95,0.95\nkey v ctrl\nwait\nframes 3\n");
+  EXPECT_EQ(d.Nodes("").size(), nodes);
+  EXPECT_EQ(d.Get()->Outputs.size(), outputs);
+  const ImVec4 graph = this->View->GetMarks().at("graph");
+  int boxes = 0;
+  for (const auto& m : this->View->GetMarks())
+  {
+    if (m.first.compare(0, 5, "node/") == 0)
+    {
+      ++boxes;
+      EXPECT_GE(m.second.x, graph.x) << m.first;
+      EXPECT_LE(m.second.z, graph.z) << m.first;
+      EXPECT_GE(m.second.y, graph.y) << m.first;
+      EXPECT_LE(m.second.w, graph.w) << m.first;
+    }
+  }
+  EXPECT_EQ(std::size_t(boxes), nodes + outputs);
+  EXPECT_EQ(this->View->ErrorText(), "");
+}
+
 TEST_F(Viewing, BoxesStayWhereTheyAreWhenOthersComeAndGo)
 {
   this->Start(1300, 900, 1, Small());
@@ -883,7 +913,7 @@ TEST_F(Viewing, VariablesShowWhatTheyStandFor)
   this->Do("wait\nclick node/pt\nwait\nframes 3\n");
   EXPECT_TRUE(this->Has("property/Width/value = 48")) << "-D comes first";
   EXPECT_TRUE(this->Has("property/Scene/value = cornell-box.gltf"));
-  fs::copy_file(this->Top / "Scenes/cornell-box.gltf", "other.gltf");
+  fs::copy_file(this->Top / "Scenes/cornell-box.gltf", this->Top / "Scenes/other.gltf");
   this->Do("click property/Scene/choose\nframes 2\nclick files/other.gltf\nclick files/ok\nwait\n");
   ASSERT_FALSE(d.Get()->Variables.empty());
   EXPECT_EQ(d.FindProperty("", "pt", "Scene")->Value, "$(scene)") << "the variable got it";

@@ -9,6 +9,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <random>
 #include <sstream>
 
@@ -225,6 +226,18 @@ TEST(EditDocument, OutputsTravelWithTheirNodes)
     << error;
   ASSERT_EQ(other.Get()->Outputs.size(), 1u);
   EXPECT_EQ(other.Get()->Outputs[0].From.Value, d.Get()->Outputs[0].From.Value);
+  // What they read of variables comes along; what is there stays as it is.
+  const std::string source = d.CopyXml("", { "pt" });
+  ASSERT_TRUE(other.AddVariable("width", "int", "77", error)) << error;
+  EXPECT_EQ(other.PasteXml("", source, 0, 0, error), (std::vector<std::string>{ "pt" })) << error;
+  std::map<std::string, std::string> variables;
+  for (const PipelineVariable& v : other.Get()->Variables)
+  {
+    variables[v.Name.Value] = v.Default.Value;
+  }
+  EXPECT_EQ(variables.at("width"), "77");
+  EXPECT_EQ(variables.at("scene"), "../Scenes/cornell-box.gltf");
+  EXPECT_EQ(variables.count("frames"), 0u) << "no node reads it";
   // Beside what is there: another name, another file, the copy's node.
   const auto made = d.PasteXml("", xml, 0, 0, error);
   EXPECT_EQ(made, (std::vector<std::string>{ "modulate2", "sum2", "output:beauty2" }));
