@@ -120,9 +120,10 @@ public:
 private:
   double* Record(int x, int y) noexcept
   {
-    return &this->Sums[(std::size_t(y - this->Area.y0) * std::size_t(this->Area.width()) +
-                         std::size_t(x - this->Area.x0)) *
-                       std::size_t(this->Stride)];
+    // Not &Sums[...]: a film of arrays that need no sums is empty.
+    return this->Sums.data() +
+           (std::size_t(y - this->Area.y0) * std::size_t(this->Area.width()) + std::size_t(x - this->Area.x0)) *
+             std::size_t(this->Stride);
   }
   const double* Record(int x, int y) const noexcept { return const_cast<Film*>(this)->Record(x, y); }
 
