@@ -66,7 +66,7 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
     ->add_option("--memory", a.MemoryMegabytes,
       "Make each frame in bands of rows where the run would need more than this many 10^6 bytes (arrays, the stages' "
       "scratch and 170 for the program), or refuse to start where bands do not do; scenes come on top. "
-      "Default: a quarter of the machine's memory")
+      "Default: a quarter of the machine's memory, three quarters where bands do not do")
     ->type_name("MB")
     ->check(positive);
   app

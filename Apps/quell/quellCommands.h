@@ -41,7 +41,7 @@ struct PipelineArguments
   std::optional<long long> Seed;
   std::string Frames, Region, OutputDirectory;
   double WarmUpTolerance = 1e-3;
-  double MemoryMegabytes = 0;      ///< 0: a quarter of the machine's
+  double MemoryMegabytes = 0;      ///< 0: a quarter of the machine's; three where bands do not do
   double SceneMemoryMegabytes = 0; ///< 0: half of the machine's
   bool DiscardsOutputs = false;    ///< files are thrown away: those outside are put elsewhere
   bool AllowOutside = false;       ///< the pipeline may write outside of OutputDirectory

@@ -140,8 +140,8 @@ nlohmann::json PlanJson(const ExecutionPlan& plan)
   for (const PlannedNode& n : plan.Nodes)
   {
     json node = { { "id", n.Path }, { "type", n.Type }, { "executes", n.Executes }, { "makes", n.Makes },
-      { "passes", n.Passes }, { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes }, { "scratchBytes", n.ScratchBytes },
-      { "keptBytes", n.KeptBytes }, { "notes", n.Notes } };
+      { "passes", n.Passes }, { "leftOut", n.LeftOut }, { "keeps", n.Keeps }, { "bytes", n.Bytes },
+      { "scratchBytes", n.ScratchBytes }, { "keptBytes", n.KeptBytes }, { "notes", n.Notes } };
     if (n.Seconds >= 0)
     {
       node["seconds"] = n.Seconds;
@@ -393,13 +393,23 @@ ExecutionPlan CheckedPlan(const PipelineArguments& a, PreparedRun& run)
 {
   std::string error;
   const bool given = a.MemoryMegabytes > 0;
-  const double bytes = given ? a.MemoryMegabytes * 1e6 : double(MachineMemory()) / 4;
+  double bytes = given ? a.MemoryMegabytes * 1e6 : double(MachineMemory()) / 4;
   ExecutionPlan plan = FitPlan(*run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance, bytes, error);
+  if (!error.empty() && !given)
+  {
+    // What must be whole may have what pixels may have at all.
+    bytes *= 3;
+    error.clear();
+    plan = FitPlan(*run.Executor, run.Region, run.First, run.End, a.WarmUpTolerance, bytes, error);
+  }
   if (!error.empty())
   {
-    throw UsageError((given ? "--memory " + detail::FormatDouble(a.MemoryMegabytes)
-                            : "the frame is too large for a quarter of this machine's memory, " + BytesText(bytes)) +
-                     ": " + error + (given ? "" : "; --memory MB allows more") + "; nothing was executed");
+    throw UsageError(
+      (given ? "--memory " + detail::FormatDouble(a.MemoryMegabytes)
+             : "the frame is too large for three quarters of this machine's memory, " + BytesText(bytes)) +
+      ": " + error +
+      (given ? "; allow more, or make the frame smaller" : "; make the frame smaller, or --memory MB allows more") +
+      "; nothing was executed");
   }
   return plan;
 }

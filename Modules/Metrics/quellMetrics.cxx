@@ -262,6 +262,23 @@ bool HigherIsBetter(const std::string& name)
   return how == Method::Psnr || how == Method::Ssim;
 }
 
+double MetricScratchBytes(const std::string& name)
+{
+  switch (Find(name).How)
+  {
+    case Method::Trimmed:
+      return 2 * sizeof(double);
+    case Method::Ssim:
+      return 6 * sizeof(double); // SsimMap: rows and map
+    case Method::Flip:
+      return (2 * (FlipImage::Decoded + FlipImage::Rows + FlipImage::Final) + 1) * sizeof(double);
+    case Method::HdrFlip:
+      return (2 * (FlipImage::Decoded + FlipImage::Rows + FlipImage::Final) + 2) * sizeof(double);
+    default:
+      return 0;
+  }
+}
+
 double ComputeMetric(const std::string& name, const ImageIn& test, const ImageIn& reference)
 {
   const Metric& metric = Find(name);

@@ -29,6 +29,8 @@ namespace quell
 VTKQUELLMETRICS_EXPORT std::vector<std::string> MetricNames();
 /// True for PSNR and SSIM.
 VTKQUELLMETRICS_EXPORT bool HigherIsBetter(const std::string& name);
+/// What computing a metric takes for each pixel of the images, besides them: FLIP has many planes.
+VTKQUELLMETRICS_EXPORT double MetricScratchBytes(const std::string& name);
 /// Throws StageError: unknown name (with the nearest), different sizes or channels, empty or too small images, 3
 /// channels missing (FLIP), pixels that are not finite (how many, and where the first is).
 VTKQUELLMETRICS_EXPORT double ComputeMetric(const std::string& name, const ImageIn& test, const ImageIn& reference);

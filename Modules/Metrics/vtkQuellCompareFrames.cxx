@@ -80,6 +80,14 @@ std::string vtkQuellCompareFrames::GetReport() const
   return this->Report.empty() ? this->Report : this->Label + ": " + this->Report;
 }
 
+// TemporalMetrics keeps two frames of each of its inputs but motion.
+double vtkQuellCompareFrames::ScratchBytes(const quell::Rect& region, const quell::Rect&, const quell::ArraySet&)
+{
+  const bool reference = this->GetNumberOfInputConnections(Reference) > 0;
+  const bool id = this->GetNumberOfInputConnections(Id) > 0;
+  return 2. * double(sizeof(float)) * (3 + (reference ? 3 : 0) + (id ? 1 : 0)) * double(region.area());
+}
+
 std::string vtkQuellCompareFrames::Compare(quell::StageFrame& frame) const
 {
   const quell::Rect region = frame.Region();

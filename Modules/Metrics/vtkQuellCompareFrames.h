@@ -27,6 +27,7 @@ public:
   ///@}
 
   std::string GetReport() const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
 
 protected:
   vtkQuellCompareFrames();

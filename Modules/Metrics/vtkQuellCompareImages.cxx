@@ -4,6 +4,7 @@
 #include "quellMetrics.h"
 #include "vtkObjectFactory.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <sstream>
@@ -126,6 +127,18 @@ bool vtkQuellCompareImages::AllowsOtherExtent(int port) const
 std::string vtkQuellCompareImages::GetReport() const
 {
   return this->Report.empty() ? this->Report : this->Label + ": " + this->Report;
+}
+
+// One metric after the other; a name that is none is refused elsewhere.
+double vtkQuellCompareImages::ScratchBytes(const quell::Rect& region, const quell::Rect&, const quell::ArraySet&)
+{
+  double most = 0;
+  std::istringstream names(this->Metrics);
+  const std::vector<std::string> known = quell::MetricNames();
+  for (std::string name; names >> name;)
+    if (std::count(known.begin(), known.end(), name))
+      most = std::max(most, quell::MetricScratchBytes(name));
+  return most * double(region.area());
 }
 
 std::string vtkQuellCompareImages::ReferenceName()

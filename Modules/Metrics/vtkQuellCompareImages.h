@@ -39,6 +39,7 @@ public:
 
   std::string GetReport() const override;
   bool AllowsOtherExtent(int port) const override;
+  double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
 
 protected:
   vtkQuellCompareImages();

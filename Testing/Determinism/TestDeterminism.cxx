@@ -74,6 +74,7 @@ struct Shipped
 {
   std::string Name;
   quell::GraphOptions::Assignments Defines;
+  bool Traces = false;
 };
 
 /// Every file that has outputs; small where it has the variables for that.
@@ -102,6 +103,7 @@ std::vector<Shipped> ShippedPipelines()
     const bool traces = text.find("type=\"PathTraceSource\"") != std::string::npos;
     if (traces || text.find("####.exr\" doc=") == std::string::npos)
       define("frames", traces ? "4" : "1");
+    s.Traces = traces;
     found.push_back(s);
   }
   std::sort(found.begin(), found.end(), [](const Shipped& a, const Shipped& b) { return a.Name < b.Name; });
@@ -141,6 +143,9 @@ public:
       std::string error;
       if (!executor.FrameSize(graph->Nodes[std::size_t(graph->Outputs.at(0).Node)].Path, w, h, error))
         throw std::runtime_error(error);
+      // A new pipeline must be small here as well: it has variables width, height and frames.
+      if (this->Pipeline.Traces && (w != 64 || h != 64 || graph->Ticks.Count > 4))
+        throw std::runtime_error("is not made with 64 x 64 pixels and at most 4 frames by width, height, frames");
       const quell::DisplayRegion region{ part.X0 * w / 16, part.Y0 * h / 16, part.X1 * w / 16, part.Y1 * h / 16 };
       if (region.X1 - region.X0 < w || region.Y1 - region.Y0 < h)
         executor.SetRegion(region);

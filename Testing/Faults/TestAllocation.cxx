@@ -5,6 +5,7 @@
 #include "RunProgram.h"
 
 #include "quellImageFile.h"
+#include "quellMemoryLimits.h"
 #include "quellPipelineExecutor.h"
 #include "quellPipelineReader.h"
 #include "vtkFloatArray.h"
@@ -17,6 +18,7 @@
 #include <cstring>
 #include <map>
 #include <new>
+#include <set>
 #include <sys/mman.h>
 
 using namespace quell;
@@ -155,6 +157,93 @@ protected:
     return hash;
   }
 
+  void PixelsFail()
+  {
+    Diagnostics messages;
+    const auto graph = LoadPipeline((this->Directory / "p.xml").string(), Registry(), {}, messages);
+    ASSERT_TRUE(graph) << messages.ToText();
+    const auto frames = [this]
+    {
+      return std::make_pair(
+        HashOf((this->Directory / "x.0000.exr").string()), HashOf((this->Directory / "x.0001.exr").string()));
+    };
+    std::pair<std::uint64_t, std::uint64_t> clean;
+    {
+      PipelineExecutor executor(graph, Registry());
+      for (int t : { 0, 1 })
+        ASSERT_TRUE(executor.RunTick(t, TickMode::Frame).Ok);
+      clean = frames();
+    }
+    const std::uint64_t before = PixelMemoryInUse(), step = 12 * 12 * sizeof(float) / 2;
+    int failed = 0, tried = 0;
+    std::set<std::string> nodes;
+    for (const int tick : { 0, 1 })
+      for (std::uint64_t bytes = 1, good = 0; good < 2; bytes += step)
+      {
+        SCOPED_TRACE(std::to_string(bytes) + " bytes in frame " + std::to_string(tick));
+        PipelineExecutor executor(graph, Registry());
+        if (tick == 1)
+        {
+          ASSERT_TRUE(executor.RunTick(0, TickMode::Frame).Ok);
+        }
+        SetPixelMemoryLimit((tick == 1 ? PixelMemoryInUse() : before) + bytes);
+        const TickResult result = executor.RunTick(tick, TickMode::Frame);
+        SetPixelMemoryLimit(0);
+        ++tried;
+        failed += !result.Ok;
+        good = result.Ok ? good + 1 : 0;
+        ASSERT_LT(tried, 1000) << "no frame is ever made";
+        if (!result.Ok)
+        {
+          EXPECT_FALSE(result.Cancelled);
+          EXPECT_NE(result.Error.find("--memory"), std::string::npos) << result.Error;
+          nodes.insert(result.Error.substr(0, result.Error.find(')')));
+        }
+        ASSERT_TRUE(this->Temporary().empty());
+        for (int t = tick; t < 2; ++t)
+        {
+          const TickResult again = executor.RunTick(t, TickMode::Frame);
+          ASSERT_TRUE(again.Ok) << again.Error;
+        }
+        ASSERT_EQ(frames(), clean);
+      }
+    // The path tracer's are the most; so again with no more pixels from the moment on that a stage begins.
+    std::set<std::string> begun;
+    {
+      PipelineExecutor executor(graph, Registry());
+      executor.SetProgress([&](const std::string& node, double) { begun.insert(node); });
+      ASSERT_TRUE(executor.RunTick(0, TickMode::Frame).Ok);
+    }
+    for (const std::string& where : begun)
+    {
+      SCOPED_TRACE("from " + where + " on");
+      PipelineExecutor executor(graph, Registry());
+      executor.SetProgress(
+        [&](const std::string& node, double)
+        {
+          if (node == where)
+            SetPixelMemoryLimit(1);
+        });
+      const TickResult result = executor.RunTick(0, TickMode::Frame);
+      SetPixelMemoryLimit(0);
+      executor.SetProgress({});
+      if (!result.Ok)
+      {
+        EXPECT_NE(result.Error.find("--memory"), std::string::npos) << result.Error;
+        nodes.insert(result.Error.substr(0, result.Error.find(')')));
+      }
+      ASSERT_TRUE(this->Temporary().empty());
+      for (int t = 0; t < 2; ++t)
+      {
+        const TickResult again = executor.RunTick(t, TickMode::Frame);
+        ASSERT_TRUE(again.Ok) << again.Error;
+      }
+      ASSERT_EQ(frames(), clean);
+    }
+    EXPECT_GT(failed, 10) << tried;
+    EXPECT_GE(nodes.size(), 3u) << "whichever stage it is that finds nothing";
+  }
+
   /// In a child: frame 0, then frame `tick` with the k-th allocation failing (0: none), then again without.
   int Child(long k, int tick)
   {
@@ -222,6 +311,25 @@ protected:
 
   Finding* Shared = nullptr;
 };
+}
+
+// Pixels have an allocator of their own (arrays between stages, scratch, sums of the path tracer): whatever is asked
+// for when the limit is reached fails, for limits that grow by less than the smallest array. The frame is an error that
+// says so, and is made afterwards with the bits that it has without.
+TEST_F(Allocation, ThePixelsOfAFrameFail)
+{
+  // In a child: other tests fork, and must find no threads here.
+  std::fflush(nullptr);
+  const pid_t child = fork();
+  if (child == 0)
+  {
+    this->PixelsFail();
+    std::fflush(nullptr);
+    _exit(testing::Test::HasFailure() ? 1 : 0);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0) << "see above";
 }
 
 TEST_F(Allocation, TheKthOfAFrameFails)

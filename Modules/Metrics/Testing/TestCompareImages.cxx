@@ -171,3 +171,19 @@ TEST(CompareImages, ComparesTheRegionOnly)
   c.stage->UpdateExtent(corner);
   EXPECT_EQ(c.stage->GetReport(), "beauty: relMSE 32.3"); // 99^2 / 1.01 / 3 / 100
 }
+
+// What the memory planner hears: FLIP holds 32 planes of doubles, a mean nothing.
+TEST(CompareImages, TellsWhatItsMetricsTake)
+{
+  vtkNew<vtkQuellCompareImages> compare;
+  const quell::Rect r{ 0, 0, 100, 10 };
+  const auto bytes = [&](const char* names)
+  {
+    compare->SetMetrics(names);
+    return compare->ScratchBytes(r, r, {});
+  };
+  EXPECT_EQ(bytes("relMSE"), 0);
+  EXPECT_EQ(bytes("relMSE SSIM"), 1000 * 6 * 8.);
+  EXPECT_EQ(bytes("HDR-FLIP SSIM"), 1000 * 32 * 8.);
+  EXPECT_EQ(bytes("nonsense"), 0) << "refused elsewhere";
+}
