@@ -268,6 +268,16 @@ void Viewer::Save(bool as)
     this->OpenFileDialog("save", "Save the pipeline as", ".xml");
     return;
   }
+  if (this->Doc.ChangedOnDisk())
+  {
+    this->AskChanged = true;
+    return;
+  }
+  this->SaveHere();
+}
+
+void Viewer::SaveHere()
+{
   std::string error;
   if (this->Doc.Save(this->Doc.File(), error))
   {
@@ -323,6 +333,7 @@ void Viewer::OpenFileDialog(const std::string& purpose, const std::string& title
   this->DialogExtensions = extensions;
   this->DialogOpen = true;
   this->DialogFocus = true;
+  this->DialogNote.clear();
   std::error_code ec;
   if (this->DialogDirectory.empty())
   {
@@ -366,8 +377,11 @@ void Viewer::FileChosen(const std::string& purpose, const std::string& file)
     }
     else
     {
-      this->Tell(error, true);
-      this->PendingAction.clear();
+      // The name is there to be corrected.
+      this->OpenFileDialog("save", "Save the pipeline as", ".xml");
+      this->DialogDirectory = fs::path(file).parent_path().string();
+      this->DialogName = fs::path(file).filename().string();
+      this->DialogNote = error;
     }
   }
   else if (purpose == "reference")
@@ -884,7 +898,7 @@ void Viewer::Shortcuts()
       this->Tell("stopped; change something or press R to go on");
     }
   }
-  if (this->DialogOpen || this->AskUnsaved)
+  if (this->DialogOpen || this->AskUnsaved || this->AskChanged)
   {
     return;
   }
@@ -1662,6 +1676,49 @@ void Viewer::Dialogs()
     }
     ImGui::EndPopup();
   }
+  if (this->AskChanged)
+  {
+    ImGui::OpenPopup("Changed by another program");
+  }
+  ImGui::SetNextWindowPos(ImGui::GetMainViewport()->GetCenter(), ImGuiCond_Always, ImVec2(0.5f, 0.5f));
+  if (ImGui::BeginPopupModal(
+        "Changed by another program", nullptr, ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove))
+  {
+    const std::string file = this->Doc.File();
+    ImGui::Text("%s is not what it was when it was opened or saved here.", fs::path(file).filename().string().c_str());
+    ImGui::TextColored(Colors::Dim, "Opening it again gives up the changes made here.");
+    ImGui::Dummy(ImVec2(0, this->S(8)));
+    const auto answered = [&](bool is)
+    {
+      if (is)
+      {
+        this->AskChanged = false;
+        ImGui::CloseCurrentPopup();
+      }
+      return is;
+    };
+    if (answered(this->Button("Write over it", "changed/replace")))
+    {
+      this->SaveHere();
+    }
+    ImGui::SameLine();
+    if (answered(this->Button("Save as...", "changed/as")))
+    {
+      this->Save(true);
+    }
+    ImGui::SameLine();
+    if (answered(this->Button("Open it again", "changed/open")))
+    {
+      this->PendingAction.clear();
+      this->Open(file);
+    }
+    ImGui::SameLine();
+    if (answered(this->Button("Cancel", "changed/cancel") || this->Win.Pressed("Escape")))
+    {
+      this->PendingAction.clear();
+    }
+    ImGui::EndPopup();
+  }
   if (this->AskTemplateName)
   {
     ImGui::OpenPopup("Make a template");
@@ -1761,6 +1818,7 @@ void Viewer::FileDialog()
     return;
   }
   Heading(this->Win, this->DialogTitle.c_str());
+  bool quick = false; // chosen without the button that says what happens
   const bool saving = this->DialogPurpose == "save" || this->DialogPurpose == "picture" ||
                       this->DialogPurpose.compare(0, 7, "output:") == 0;
   std::error_code ec;
@@ -1788,7 +1846,13 @@ void Viewer::FileDialog()
     }
     ImGui::PopID();
   }
-  ImGui::BeginChild("list", ImVec2(0, -this->S(76)), true);
+  // Under the list: the name, the buttons, and why the dialog is still open.
+  const float note = this->DialogNote.empty() ? 0.f
+                                              : ImGui::CalcTextSize(this->DialogNote.c_str(), nullptr, false,
+                                                  std::max(ImGui::GetContentRegionAvail().x, this->S(60)))
+                                                    .y +
+                                                  ImGui::GetStyle().ItemSpacing.y;
+  ImGui::BeginChild("list", ImVec2(0, -this->S(76) - note), true);
   std::vector<std::pair<bool, std::string>> entries;
   for (fs::directory_iterator i(this->DialogDirectory, fs::directory_options::skip_permission_denied, ec), end;
        !ec && i != end; i.increment(ec))
@@ -1832,6 +1896,7 @@ void Viewer::FileDialog()
         if (ImGui::IsMouseDoubleClicked(0))
         {
           chosen = full.string();
+          quick = true;
         }
       }
     }
@@ -1854,10 +1919,16 @@ void Viewer::FileDialog()
         ImGuiInputTextFlags_EnterReturnsTrue))
   {
     chosen = (fs::path(this->DialogDirectory) / this->DialogName).string();
+    quick = true;
+  }
+  if (ImGui::IsItemEdited())
+  {
+    this->DialogNote.clear();
   }
   this->Mark("files/name");
   const fs::path full = fs::path(this->DialogDirectory) / this->DialogName;
-  const bool exists = fs::is_regular_file(full, ec);
+  const bool exists = fs::is_regular_file(
+    this->DialogPurpose == "save" && full.extension().empty() ? full.string() + ".xml" : full.string(), ec);
   const bool naming = saving && this->DialogPurpose != "save" && this->DialogPurpose != "picture";
   if (this->Button(naming   ? "Choose"
                    : saving ? (exists ? "Replace" : "Save")
@@ -1876,6 +1947,18 @@ void Viewer::FileDialog()
   {
     ImGui::SameLine();
     ImGui::TextColored(Colors::Warning, "there is a file of that name");
+  }
+  if (!this->DialogNote.empty())
+  {
+    ImGui::PushStyleColor(ImGuiCol_Text, Colors::Error);
+    ImGui::TextWrapped("%s", this->DialogNote.c_str());
+    ImGui::PopStyleColor();
+  }
+  // Nothing is written over without the button that says so.
+  if (saving && exists && !naming && quick && !chosen.empty())
+  {
+    this->DialogNote = "press Replace to write over " + fs::path(chosen).filename().string();
+    chosen.clear();
   }
   if (!chosen.empty() && fs::is_directory(chosen, ec))
   {

@@ -119,6 +119,7 @@ private:
   void TakeResults();
   void ChooseDefaultTarget();
   void Save(bool as);
+  void SaveHere();
   void AskToClose(const std::string& action);
   void Perform(std::string action); ///< a copy: the question that holds it is answered
   void OpenFileDialog(const std::string& purpose, const std::string& title, const std::string& extensions);
@@ -328,6 +329,8 @@ private:
   bool AskUnsaved = false;
   std::string DialogPurpose, DialogTitle, DialogDirectory, DialogName, DialogExtensions;
   bool DialogOpen = false, DialogFocus = false;
+  std::string DialogNote;  ///< why the file dialog is still open
+  bool AskChanged = false; ///< the file was changed by another program
   bool EditingDoc = false;
   bool AskTemplateName = false, TemplateNameFocus = false;
   std::string TemplateName = "group", TemplateNameError;

@@ -180,13 +180,18 @@ bool EditDocument::Save(const std::string& file, std::string& error)
     return false;
   }
   const State before = this->Now;
-  const auto undone = this->Undone, redone = this->Redone;
+  const std::string directory = fs::path(file).parent_path().string();
   if (this->Path != file)
   {
-    this->MovePaths(fs::path(file).parent_path().string());
+    auto moved = std::make_shared<PipelineDocument>(*this->Now.Document);
+    this->MovePaths(*moved, directory);
+    this->Now.Document = moved;
   }
   const std::string text = this->Text();
-  const std::string temporary = file + ".saving";
+  // A link stays one: what it leads to is written.
+  std::error_code ec;
+  const fs::path real = fs::is_symlink(file, ec) ? fs::weakly_canonical(file, ec) : fs::path(file);
+  const std::string temporary = real.string() + ".saving";
   // What was not saved stays as it was, its paths seen from where it is.
   const auto fail = [&](const std::string& why)
   {
@@ -194,9 +199,6 @@ bool EditDocument::Save(const std::string& file, std::string& error)
     std::error_code ignored;
     fs::remove(temporary, ignored);
     this->Now = before;
-    this->Undone = undone;
-    this->Redone = redone;
-    ++this->Count;
     return false;
   };
   {
@@ -208,13 +210,12 @@ bool EditDocument::Save(const std::string& file, std::string& error)
       return fail(std::strerror(errno));
     }
   }
-  std::error_code ec;
   // A file's rights stay as they were.
-  if (fs::exists(file, ec))
+  if (fs::exists(real, ec))
   {
-    fs::permissions(temporary, fs::status(file, ec).permissions(), ec);
+    fs::permissions(temporary, fs::status(real, ec).permissions(), ec);
   }
-  fs::rename(temporary, file, ec);
+  fs::rename(temporary, real, ec);
   if (ec)
   {
     return fail(ec.message());
@@ -227,25 +228,60 @@ bool EditDocument::Save(const std::string& file, std::string& error)
     this->Path = file;
     Diagnostics ignored;
     this->Now.Document = ReadPipelineFile(file, ignored);
+    // So does every earlier and later state, or undoing would lead back to paths that lead nowhere from here.
+    for (std::vector<Step>* steps : { &this->Undone, &this->Redone })
+    {
+      for (Step& step : *steps)
+      {
+        auto moved = std::make_shared<PipelineDocument>(*step.Before.Document);
+        this->MovePaths(*moved, directory);
+        Diagnostics messages;
+        auto located = ReadPipelineText(PatchPipelineText(text, *moved), file, messages);
+        if (!located || *located != *moved || located->Includes.size() != moved->Includes.size())
+        {
+          this->Undone.clear();
+          this->Redone.clear();
+          break;
+        }
+        located->Directory = DirectoryOf(file);
+        for (std::size_t i = 0; i < located->Includes.size(); ++i)
+        {
+          located->Includes[i].Content = moved->Includes[i].Content;
+        }
+        step.Before.Document = located;
+      }
+    }
+    this->MergeKey.clear();
     ++this->Count;
   }
   this->SavedDocument = this->Now.Document;
   return true;
 }
 
-void EditDocument::MovePaths(const std::string& directory)
+bool EditDocument::ChangedOnDisk() const
 {
   std::error_code ec;
-  const fs::path from = fs::weakly_canonical(
-    fs::absolute(this->Now.Document->Directory.empty() ? fs::path(".") : fs::path(this->Now.Document->Directory), ec),
-    ec);
+  if (this->Path.empty() || !fs::is_regular_file(this->Path, ec))
+  {
+    return false;
+  }
+  std::ifstream stream(this->Path, std::ios::binary);
+  std::stringstream text;
+  text << stream.rdbuf();
+  return text.str() != this->SavedText;
+}
+
+void EditDocument::MovePaths(PipelineDocument& d, const std::string& directory) const
+{
+  std::error_code ec;
+  const fs::path from =
+    fs::weakly_canonical(fs::absolute(d.Directory.empty() ? fs::path(".") : fs::path(d.Directory), ec), ec);
   const fs::path to =
     fs::weakly_canonical(fs::absolute(directory.empty() ? fs::path(".") : fs::path(directory), ec), ec);
   if (from == to)
   {
     return;
   }
-  PipelineDocument& d = this->Begin();
   const auto move = [&](PipelineText& text)
   {
     if (text.Value.empty() || text.Value.find("$(") != std::string::npos || fs::path(text.Value).is_absolute())
@@ -287,7 +323,6 @@ void EditDocument::MovePaths(const std::string& directory)
   {
     nodes(t.Nodes);
   }
-  this->Commit("paths for another directory");
 }
 
 // ---- steps ----------------------------------------------------------------------------------------------------------

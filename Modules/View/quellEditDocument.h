@@ -34,8 +34,12 @@ public:
   bool Open(const std::string& file, std::vector<Diagnostic>& messages);
   /// A document that was made elsewhere (read from an image); it has no file yet.
   void Set(std::shared_ptr<const PipelineDocument> document);
-  /// Writes under a temporary name and renames. The first save of a document without a file needs a name.
+  /// Writes under a temporary name and renames; what a symbolic link leads to is written, not the link. The first save
+  /// of a document without a file needs a name. Saved into another directory, relative paths are changed so that they
+  /// lead to the same files, in the states that can be undone and redone as well.
   bool Save(const std::string& file, std::string& error);
+  /// Whether the file is no longer what was opened or saved here: saving would write over somebody else's work.
+  bool ChangedOnDisk() const;
   ///@}
 
   const std::shared_ptr<const PipelineDocument>& Get() const { return this->Now.Document; }
@@ -176,7 +180,7 @@ private:
   void Locate();
   void Place(const std::string& scope, const std::string& box, double x, double y);
   void KeepPlaces();
-  void MovePaths(const std::string& directory);
+  void MovePaths(PipelineDocument& d, const std::string& directory) const;
 
   const StageRegistry* Registry = nullptr;
   State Now;

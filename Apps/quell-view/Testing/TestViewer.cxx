@@ -1082,6 +1082,52 @@ TEST_F(Viewing, WritesNothingByItself)
   fs::remove_all(settings);
 }
 
+TEST_F(Viewing, NothingIsWrittenOverWithoutTheButtonThatSaysSo)
+{
+  this->Start(1300, 900, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  const std::string other = this->Written("svgf.xml");
+  this->Do("wait\nkey s ctrl shift\nframes 2\nclick files/name\nkey a ctrl\ntype svgf.xml\nkey Return\nframes 3\n");
+  EXPECT_EQ(this->Written("svgf.xml"), other);
+  EXPECT_TRUE(this->Has("files/ok")) << "the dialog is still open";
+  this->Do("key a ctrl\ntype svgf\nkey Return\nframes 3\n");
+  EXPECT_EQ(this->Written("svgf.xml"), other) << "the ending is added";
+  EXPECT_TRUE(this->Has("files/ok"));
+  this->Do("doubleclick files/svgf.xml\nframes 3\n");
+  EXPECT_EQ(this->Written("svgf.xml"), other);
+  EXPECT_TRUE(this->Has("files/ok"));
+  // A save that fails leaves the dialog and the name.
+  this->Do("click files/name\nkey a ctrl\ntype /proc/x.xml\nclick files/ok\nframes 3\n");
+  EXPECT_TRUE(this->Has("files/ok"));
+  this->Do("click files/name\nkey a ctrl\ntype " + (this->Top / "Pipelines/svgf.xml").string() +
+           "\nclick files/ok\nframes 3\n");
+  EXPECT_NE(this->Written("svgf.xml"), other);
+  EXPECT_FALSE(this->Has("files/ok"));
+}
+
+TEST_F(Viewing, AsksBeforeItWritesOverWhatAnotherProgramWrote)
+{
+  this->Start(1300, 900, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  this->Do("wait\n");
+  this->View->Document().SetVariable("spp", "5");
+  std::ofstream("quick.xml", std::ios::app) << "<!-- theirs -->\n";
+  const std::string theirs = this->Written("quick.xml");
+  this->Do("key s ctrl\nframes 3\n");
+  EXPECT_TRUE(this->Has("changed/cancel"));
+  this->Do("click changed/cancel\nframes 2\n");
+  EXPECT_EQ(this->Written("quick.xml"), theirs);
+  EXPECT_TRUE(this->View->Document().IsDirty());
+  this->Do("key s ctrl\nframes 3\nclick changed/open\nwait\n");
+  EXPECT_EQ(this->Written("quick.xml"), theirs);
+  EXPECT_FALSE(this->View->Document().IsDirty());
+  this->View->Document().SetVariable("spp", "6");
+  std::ofstream("quick.xml", std::ios::app) << "<!-- again -->\n";
+  this->Do("key s ctrl\nframes 3\nclick changed/replace\nframes 2\n");
+  EXPECT_EQ(this->Written("quick.xml").find("again"), std::string::npos);
+  EXPECT_FALSE(this->View->Document().IsDirty());
+}
+
 TEST_F(Viewing, LongTextsBreakBetweenWords)
 {
   this->Start(900, 620);

@@ -357,6 +357,78 @@ TEST(EditDocument, SavedElsewherePathsLeadToTheSameFiles)
   EXPECT_FALSE(EditDocument().Save("", error));
 }
 
+TEST(EditDocument, UndoneAfterASaveElsewherePathsStillLeadToTheSameFiles)
+{
+  EditDocument d = Opened("svgf.xml");
+  ASSERT_GT(d.Get()->Nodes.size(), 3u);
+  ASSERT_TRUE(d.SetProperty("", "taa", "Alpha", "0.5"));
+  ASSERT_TRUE(d.SetProperty("", "taa", "Alpha", "0.6"));
+  d.Undo();
+  const std::string label = d.UndoLabel();
+  const fs::path file = Scratch("un/done") / "copy.xml";
+  std::string error;
+  ASSERT_TRUE(d.Save(file.string(), error)) << error;
+  EXPECT_EQ(d.UndoLabel(), label) << "the edit, not the save";
+  for (int step = 0; step < 3; ++step) // the edit taken back, made again, and the one after it
+  {
+    if (step == 0)
+    {
+      d.Undo();
+      EXPECT_TRUE(d.IsDirty());
+      EXPECT_NE(d.FindProperty("", "taa", "Alpha")->Value, "0.5");
+    }
+    else
+    {
+      d.Redo();
+      EXPECT_EQ(d.FindProperty("", "taa", "Alpha")->Value, step == 1 ? "0.5" : "0.6");
+    }
+    EXPECT_EQ(Errors(d), 0) << step;
+    EXPECT_EQ(fs::weakly_canonical(file.parent_path() / d.Get()->Includes[0].File.Value),
+      fs::weakly_canonical(Shipped("library.xml")));
+    ASSERT_TRUE(d.Save(file.string(), error)) << error;
+    EditDocument again;
+    std::vector<Diagnostic> messages;
+    ASSERT_TRUE(again.Open(file.string(), messages));
+    EXPECT_EQ(Errors(again), 0) << step;
+  }
+}
+
+TEST(EditDocument, KnowsThatSomebodyElseWroteTheFile)
+{
+  EditDocument d = Opened("quick.xml");
+  const fs::path file = Scratch("shared") / "a.xml";
+  std::string error;
+  ASSERT_TRUE(d.Save(file.string(), error)) << error;
+  EXPECT_FALSE(d.ChangedOnDisk());
+  std::ofstream(file, std::ios::app) << "<!-- mine -->\n";
+  EXPECT_TRUE(d.ChangedOnDisk());
+  ASSERT_TRUE(d.Save(file.string(), error)) << error; // who asks may
+  EXPECT_FALSE(d.ChangedOnDisk());
+  fs::remove(file);
+  EXPECT_FALSE(d.ChangedOnDisk()) << "nothing to write over";
+}
+
+TEST(EditDocument, ASymbolicLinkStaysOne)
+{
+  const fs::path folder = Scratch("links");
+  EditDocument d = Opened("quick.xml");
+  std::string error;
+  ASSERT_TRUE(d.Save((folder / "real.xml").string(), error)) << error;
+  fs::remove(folder / "link.xml");
+  fs::create_symlink("real.xml", folder / "link.xml");
+  std::vector<Diagnostic> messages;
+  ASSERT_TRUE(d.Open((folder / "link.xml").string(), messages));
+  const std::string before = d.Text();
+  ASSERT_TRUE(d.SetVariable("spp", "7"));
+  ASSERT_TRUE(d.Save((folder / "link.xml").string(), error)) << error;
+  EXPECT_TRUE(fs::is_symlink(folder / "link.xml"));
+  std::ifstream stream(folder / "real.xml");
+  std::stringstream text;
+  text << stream.rdbuf();
+  EXPECT_EQ(text.str(), d.Text());
+  EXPECT_NE(text.str(), before);
+}
+
 TEST(EditDocument, WhatCannotBeOpenedChangesNothing)
 {
   EditDocument d = Opened("quick.xml");
