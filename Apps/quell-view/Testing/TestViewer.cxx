@@ -1093,7 +1093,7 @@ TEST_F(Viewing, NothingIsWrittenOverWithoutTheButtonThatSaysSo)
   this->Do("key a ctrl\ntype svgf\nkey Return\nframes 3\n");
   EXPECT_EQ(this->Written("svgf.xml"), other) << "the ending is added";
   EXPECT_TRUE(this->Has("files/ok"));
-  this->Do("doubleclick files/svgf.xml\nframes 3\n");
+  this->Do("click files/svgf.xml double\nframes 3\n");
   EXPECT_EQ(this->Written("svgf.xml"), other);
   EXPECT_TRUE(this->Has("files/ok"));
   // A save that fails leaves the dialog and the name.
