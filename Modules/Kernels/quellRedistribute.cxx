@@ -12,6 +12,7 @@ namespace
 {
 constexpr double NoTerm = 1e30;
 constexpr double LargestTerm = 80; // exp of less is 0
+constexpr int KeptWeights = 33 * 33;
 
 double Square(double v) noexcept
 {
@@ -97,6 +98,7 @@ std::int64_t Redistribute(const RedistributeInputs& in, const RedistributeParame
 {
   const Rect& frame = in.radiance.extent;
   const int width = tile.width();
+  double weights[KeptWeights];
   std::fill(scratch, scratch + RedistributeScratch(tile), 0.);
   // Sources in row-major order: every pixel's sum has the same order in any tiling.
   const Rect sources = tile.grown(std::max(0, parameters.radius)).clipped(in.residual.extent).clipped(frame);
@@ -111,14 +113,22 @@ std::int64_t Redistribute(const RedistributeInputs& in, const RedistributeParame
       const Rect mine = window.clipped(tile);
       if (mine.empty())
         continue;
-      double sum = 0;
+      // Weights are dear: those of the sum are kept for the giving where they fit.
+      const bool kept = window.area() <= KeptWeights;
+      double sum = 0, *next = weights;
       for (int qy = window.y0; qy < window.y1; ++qy)
         for (int qx = window.x0; qx < window.x1; ++qx)
-          sum += source.Weight(qx, qy);
+        {
+          const double w = source.Weight(qx, qy);
+          sum += w;
+          if (kept)
+            *next++ = w;
+        }
       for (int qy = mine.y0; qy < mine.y1; ++qy)
         for (int qx = mine.x0; qx < mine.x1; ++qx)
         {
-          const double w = source.Weight(qx, qy) / sum;
+          const std::ptrdiff_t at = std::ptrdiff_t(qy - window.y0) * window.width() + qx - window.x0;
+          const double w = (kept ? weights[at] : source.Weight(qx, qy)) / sum;
           double* s = scratch + 3 * (std::ptrdiff_t(qy - tile.y0) * width + qx - tile.x0);
           for (int k = 0; k < 3; ++k)
             s[k] += w * r[k];
