@@ -34,7 +34,12 @@ void RunWindow(Window& window, Viewer& viewer, const std::function<bool()>& goOn
     if (now - laid >= pause)
     {
       laid = now;
-      const bool open = window.Frame(ui);
+      bool open = window.Frame(ui);
+      // What came together is laid out one after the other and painted once, but not out of sight for long.
+      while (open && window.HasEvents() && Clock::now() - now < milliseconds(60))
+      {
+        open = window.Frame(ui);
+      }
       const Clock::time_point before = Clock::now();
       const bool slow = works && took > milliseconds(4);
       if (!slow || viewer.PictureCount() != pictures ||

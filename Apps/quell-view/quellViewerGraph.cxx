@@ -423,8 +423,14 @@ void Viewer::DeleteSelection(bool reconnect)
         this->Doc.RemoveTemplatePort(this->Scope, box.substr(5));
       }
     }
-    this->Doc.Remove(this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), reconnect);
+    std::string unread;
+    this->Doc.Remove(
+      this->Scope, std::vector<std::string>(this->Selected.begin(), this->Selected.end()), reconnect, &unread);
     this->Selected.clear();
+    if (!unread.empty())
+    {
+      this->Tell(unread, true);
+    }
   }
 }
 

@@ -454,18 +454,47 @@ bool Window::Frame(const std::function<void()>& ui)
   ImGui::SetCurrentContext(this->Context);
   ImGuiIO& io = ImGui::GetIO();
   this->Keys.clear();
-  // A press and its release, of a button or a key, or a press and the move after it, belong to different frames:
-  // widgets look once a frame.
-  bool clicked = false, typed = false;
+  // Widgets look once a frame: a press and its release, or a press and the move after it, belong to different frames.
+  // Characters that a field is waiting for do not: it takes all of them at once, so that a busy machine keeps up with
+  // somebody who types.
+  bool clicked = false, commanded = false;
+  int characters = 0;
+  std::vector<std::string> released;
+  const auto isModifier = [](const std::string& sym)
+  { return sym.compare(0, 7, "Control") == 0 || sym.compare(0, 5, "Shift") == 0 || sym.compare(0, 3, "Alt") == 0; };
   while (!this->Queue.empty())
   {
     const WindowEvent& e = this->Queue.front();
     const bool moves = e.X != double(io.MousePos.x) || e.Y != double(io.MousePos.y);
-    const bool over = e.What == WindowEvent::Kind::Move     ? (clicked || typed) && moves
-                      : e.What == WindowEvent::Kind::Button ? clicked || typed
-                      : e.What == WindowEvent::Kind::Key    ? clicked || typed
-                                                            : clicked;
-    if (over && e.What != WindowEvent::Kind::Drop)
+    const bool modifier = isModifier(e.Sym);
+    const bool types = io.WantTextInput && !e.Control && !e.Alt && !modifier && e.What == WindowEvent::Kind::Key &&
+                       (e.Down ? this->Queue.size() > 1 && this->Queue[1].What == WindowEvent::Kind::Text
+                               : this->Typed.count(e.Sym) != 0);
+    bool over = clicked || commanded;
+    switch (e.What)
+    {
+      case WindowEvent::Kind::Move:
+        over = over && moves;
+        break;
+      case WindowEvent::Kind::Wheel:
+        over = clicked;
+        break;
+      case WindowEvent::Kind::Button:
+        over = over || characters > 0;
+        break;
+      case WindowEvent::Kind::Text:
+        over = clicked;
+        break;
+      case WindowEvent::Kind::Key:
+        // A command is for what the characters before it made; a key that went up goes down again a frame later.
+        over = over || (!types && characters > 0 && (e.Down || modifier)) ||
+               (!types && e.Down && std::find(released.begin(), released.end(), e.Sym) != released.end());
+        break;
+      case WindowEvent::Kind::Drop:
+        over = false;
+        break;
+    }
+    if (over)
     {
       break;
     }
@@ -503,11 +532,24 @@ bool Window::Frame(const std::function<void()>& ui)
         if (e.Down)
         {
           this->Keys.push_back(e);
+          commanded = !types && !modifier;
         }
-        typed = true;
+        else
+        {
+          released.push_back(e.Sym);
+        }
+        if (types && e.Down)
+        {
+          this->Typed.insert(e.Sym);
+        }
+        else
+        {
+          this->Typed.erase(e.Sym);
+        }
         break;
       case WindowEvent::Kind::Text:
         io.AddInputCharacter(e.Character);
+        ++characters;
         break;
       case WindowEvent::Kind::Drop:
         this->Drops.insert(this->Drops.end(), e.Files.begin(), e.Files.end());

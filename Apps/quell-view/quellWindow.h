@@ -18,6 +18,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -141,6 +142,7 @@ private:
   double UiScale = 1;
   std::deque<WindowEvent> Queue;
   std::vector<WindowEvent> Keys; ///< that went down in this frame
+  std::set<std::string> Typed;   ///< keys that are down and were characters of a field
   std::vector<std::string> Drops;
   std::function<void(const WindowEvent&)> Recorder;
   bool Closing = false;

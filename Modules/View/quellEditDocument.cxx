@@ -1164,7 +1164,8 @@ std::string EditDocument::AddInstance(const std::string& scope, const std::strin
   return n.Id.Value;
 }
 
-bool EditDocument::Remove(const std::string& scope, const std::vector<std::string>& boxes, bool reconnect)
+bool EditDocument::Remove(
+  const std::string& scope, const std::vector<std::string>& boxes, bool reconnect, std::string* unread)
 {
   PipelineDocument& d = this->Begin();
   this->KeepPlaces();
@@ -1173,6 +1174,10 @@ bool EditDocument::Remove(const std::string& scope, const std::vector<std::strin
   {
     return false;
   }
+  const auto goes = [&boxes](const std::string& from)
+  { return std::any_of(boxes.begin(), boxes.end(), [&](const std::string& b) { return RefersTo(from, b); }); };
+  // Reader -> what it reads instead, and what it could not take.
+  std::vector<std::pair<std::string, std::pair<std::string, std::vector<std::string>>>> losses;
   bool any = false;
   for (const std::string& box : boxes)
   {
@@ -1194,43 +1199,105 @@ bool EditDocument::Remove(const std::string& scope, const std::vector<std::strin
     {
       continue;
     }
-    // What its first input reads takes its place, where that is wanted and there is such a thing.
-    std::string instead;
+    // What its first port reads takes its place, where that is wanted and there is such a thing: all of it where the
+    // reader takes several. Other ports of the same kind carry pictures, too; nobody reads those any more.
+    std::vector<std::string> instead, beside;
     if (reconnect && !at->Inputs.empty() && !at->Inputs.front().Delay.Given)
     {
-      instead = at->Inputs.front().From.Value;
+      const std::string& first = at->Inputs.front().Port.Value;
+      const StageDescription* type =
+        this->Registry && !at->IsInstance ? this->Registry->Describe(at->Type.Value) : nullptr;
+      const auto kindOf = [type](const std::string& port)
+      {
+        const int index = type ? type->InputIndex(port) : -1;
+        return index < 0 ? ArrayKind::Any : type->Inputs[std::size_t(index)].Kind;
+      };
+      for (const PipelineInput& i : at->Inputs)
+      {
+        if (i.Delay.Given || RefersTo(i.From.Value, box))
+        {
+          continue;
+        }
+        if (i.Port.Value == first)
+        {
+          instead.push_back(i.From.Value);
+        }
+        else if (kindOf(first) != ArrayKind::Any && kindOf(i.Port.Value) == kindOf(first))
+        {
+          beside.push_back(i.From.Value);
+        }
+      }
     }
     nodes->erase(at);
     any = true;
-    const auto follow = [&](std::string& from)
+    const auto lose = [&](const std::string& reader, std::size_t taken)
+    {
+      std::vector<std::string> lost;
+      for (const std::vector<std::string>* list : { &instead, &beside })
+      {
+        for (std::size_t i = list == &instead ? taken : 0; i < list->size(); ++i)
+        {
+          if (!goes((*list)[i]))
+          {
+            lost.push_back((*list)[i]);
+          }
+        }
+      }
+      if (!lost.empty())
+      {
+        losses.push_back({ reader, { instead.front(), lost } });
+      }
+    };
+    const auto follow = [&](const std::string& reader, std::string& from)
     {
       if (!RefersTo(from, box))
       {
         return true;
       }
-      if (instead.empty() || RefersTo(instead, box))
+      if (instead.empty())
       {
         return false;
       }
-      from = instead;
+      from = instead.front();
+      lose(reader, 1);
       return true;
     };
     for (PipelineNode& n : *nodes)
     {
-      n.Inputs.erase(
-        std::remove_if(n.Inputs.begin(), n.Inputs.end(), [&](PipelineInput& i) { return !follow(i.From.Value); }),
-        n.Inputs.end());
+      const StageDescription* type = this->Registry && !n.IsInstance ? this->Registry->Describe(n.Type.Value) : nullptr;
+      std::vector<PipelineInput> inputs;
+      for (PipelineInput& i : n.Inputs)
+      {
+        const int port = type ? type->InputIndex(i.Port.Value) : -1;
+        if (RefersTo(i.From.Value, box) && port >= 0 && type->Inputs[std::size_t(port)].Repeatable)
+        {
+          for (const std::string& from : instead)
+          {
+            inputs.push_back(i);
+            inputs.back().From.Value = from;
+          }
+          if (!instead.empty())
+          {
+            lose(n.Id.Value, instead.size());
+          }
+        }
+        else if (follow(n.Id.Value, i.From.Value))
+        {
+          inputs.push_back(i);
+        }
+      }
+      n.Inputs = inputs;
     }
     if (scope.empty())
     {
       for (PipelineOutput& o : d.Outputs)
       {
-        if (!follow(o.From.Value))
+        if (!follow(o.Name.Value, o.From.Value))
         {
           o.From = PipelineText();
         }
-        o.Layers.erase(
-          std::remove_if(o.Layers.begin(), o.Layers.end(), [&](PipelineLayer& l) { return !follow(l.From.Value); }),
+        o.Layers.erase(std::remove_if(o.Layers.begin(), o.Layers.end(),
+                         [&](PipelineLayer& l) { return !follow(o.Name.Value, l.From.Value); }),
           o.Layers.end());
       }
     }
@@ -1240,12 +1307,32 @@ bool EditDocument::Remove(const std::string& scope, const std::vector<std::strin
       {
         for (PipelinePort& p : t.Outputs)
         {
-          if (t.Name.Value == scope && !follow(p.From.Value))
+          if (t.Name.Value == scope && !follow(p.Name.Value, p.From.Value))
           {
             p.From.Value.clear();
           }
         }
       }
+    }
+  }
+  if (unread)
+  {
+    // "beauty, preview: modulate:radiance goes on, pt:emission is no longer read"
+    unread->clear();
+    for (std::size_t i = 0; i < losses.size(); ++i)
+    {
+      std::string readers = losses[i].first;
+      while (i + 1 < losses.size() && losses[i + 1].second == losses[i].second)
+      {
+        readers += losses[++i].first == readers ? "" : ", " + losses[i].first;
+      }
+      std::string lost;
+      for (const std::string& from : losses[i].second.second)
+      {
+        lost += (lost.empty() ? "" : ", ") + from;
+      }
+      *unread += (unread->empty() ? "" : "; ") + readers + ": " + losses[i].second.first + " goes on, " + lost +
+                 (losses[i].second.second.size() == 1 ? " is" : " are") + " no longer read";
     }
   }
   if (any)

@@ -68,8 +68,10 @@ public:
   std::string AddNode(
     const std::string& scope, const std::string& type, double x, double y, const std::string& idHint = std::string());
   std::string AddInstance(const std::string& scope, const std::string& templateName, double x, double y);
-  /// With links to them. `reconnect`: whoever read the first output of a node reads what its first input read.
-  bool Remove(const std::string& scope, const std::vector<std::string>& boxes, bool reconnect = false);
+  /// With links to them. `reconnect`: whoever read a node reads what its first port read; all of it where the reader
+  /// takes several connections. `unread`: one sentence about what of the same kind was lost by that; empty: nothing.
+  bool Remove(const std::string& scope, const std::vector<std::string>& boxes, bool reconnect = false,
+    std::string* unread = nullptr);
   std::vector<std::string> Duplicate(
     const std::string& scope, const std::vector<std::string>& boxes, double dx, double dy);
   /// Every reference in the scope follows.

@@ -178,6 +178,40 @@ TEST(EditDocument, DeletingTakesLinksAlongOrBridgesThem)
   EXPECT_EQ(d.Get()->Outputs.size(), 1u);
 }
 
+TEST(EditDocument, ReconnectingTakesAllLayersOrSaysWhatIsLost)
+{
+  EditDocument d = Opened("quick.xml");
+  std::string unread = "?";
+  ASSERT_TRUE(d.Remove("", { "blur" }, true, &unread));
+  EXPECT_EQ(unread, "") << "guides are no pictures";
+  d.Undo();
+  // Demodulation takes one picture, an output too.
+  ASSERT_TRUE(d.Remove("", { "scattered" }, true, &unread));
+  EXPECT_EQ(d.FindNode("", "demodulate")->Inputs[0].From.Value, "pt:direct");
+  EXPECT_EQ(unread, "demodulate: pt:direct goes on, pt:indirect is no longer read");
+  d.Undo();
+  ASSERT_TRUE(d.Remove("", { "sum" }, true, &unread));
+  EXPECT_EQ(d.Get()->Outputs[0].From.Value, "modulate:radiance");
+  EXPECT_EQ(unread, "beauty, preview: modulate:radiance goes on, pt:emission is no longer read");
+  d.Undo();
+  // What goes itself is not missed.
+  ASSERT_TRUE(d.Remove("", { "scattered", "pt" }, true, &unread));
+  EXPECT_EQ(unread, "");
+  d.Undo();
+  // A sum takes them all.
+  std::string error;
+  const std::string more = d.AddNode("", "Sum", 0, 0);
+  ASSERT_TRUE(d.Connect("", "scattered:radiance", more, "radiance", false, true, error));
+  ASSERT_TRUE(d.Connect("", "pt:emission", more, "radiance", false, true, error));
+  ASSERT_TRUE(d.Remove("", { "scattered" }, true, &unread));
+  const std::vector<PipelineInput>& inputs = d.FindNode("", more)->Inputs;
+  ASSERT_EQ(inputs.size(), 3u);
+  EXPECT_EQ(inputs[0].From.Value, "pt:direct");
+  EXPECT_EQ(inputs[1].From.Value, "pt:indirect");
+  EXPECT_EQ(inputs[2].From.Value, "pt:emission");
+  EXPECT_EQ(unread, "demodulate: pt:direct goes on, pt:indirect is no longer read");
+}
+
 TEST(EditDocument, CopiesKeepTheLinksAmongThem)
 {
   EditDocument d = Opened("quick.xml");
