@@ -174,12 +174,15 @@ bool Viewer::Open(const std::string& file)
         const std::string path = this->RelativeToFile(file);
         if (now && now->Value.compare(0, 2, "$(") == 0 && now->Value.back() == ')')
         {
-          this->Doc.SetVariable(now->Value.substr(2, now->Value.size() - 3), path);
+          const std::string variable = now->Value.substr(2, now->Value.size() - 3);
+          this->Doc.SetVariable(variable, path);
+          this->DropGivenVariable(variable);
         }
         else
         {
           this->Doc.SetProperty("", n.Id.Value, "Scene", path);
         }
+        this->DropGivenProperty("", n.Id.Value, "Scene");
         this->Camera.reset();
         this->Tell(n.Id.Value + " shows " + fs::path(file).filename().string());
         return true;
@@ -418,6 +421,7 @@ void Viewer::FileChosen(const std::string& purpose, const std::string& file)
     const std::string rest = purpose.substr(9);
     const std::size_t dot = rest.rfind('.');
     this->Doc.SetProperty(this->Scope, rest.substr(0, dot), rest.substr(dot + 1), this->RelativeToFile(file));
+    this->DropGivenProperty(this->Scope, rest.substr(0, dot), rest.substr(dot + 1));
   }
   else if (purpose.compare(0, 7, "output:") == 0)
   {
@@ -425,10 +429,12 @@ void Viewer::FileChosen(const std::string& purpose, const std::string& file)
     const std::string rest = purpose.substr(7);
     const std::size_t dot = rest.rfind('.');
     this->Doc.SetProperty(this->Scope, rest.substr(0, dot), rest.substr(dot + 1), file);
+    this->DropGivenProperty(this->Scope, rest.substr(0, dot), rest.substr(dot + 1));
   }
   else if (purpose.compare(0, 9, "variable:") == 0)
   {
     this->Doc.SetVariable(purpose.substr(9), this->RelativeToFile(file));
+    this->DropGivenVariable(purpose.substr(9));
   }
   else if (purpose == "picture")
   {
@@ -568,6 +574,15 @@ void Viewer::UpdateWish()
   ViewWish w;
   w.Document = this->Doc.Get();
   w.Options = this->Given.Graph;
+  // --set of a node that was deleted here is no mistake; the node may come back.
+  GraphOptions::Assignments& sets = w.Options.Properties;
+  sets.erase(std::remove_if(sets.begin(), sets.end(),
+               [this](const auto& p)
+               {
+                 const std::string id = TopOf(p.first.substr(0, p.first.rfind('.')));
+                 return id.find(':') == std::string::npos && !this->Doc.FindNode("", id);
+               }),
+    sets.end());
   w.Tick = this->Given.Frame ? *this->Given.Frame : this->Tick;
   w.Targets.push_back(ResolveTarget(*w.Document, this->A));
   if (this->Compared != CompareMode::Off && this->BFrom == SourceB::Node && !this->B.Node.empty())
@@ -1574,6 +1589,7 @@ void Viewer::StatusBar()
       (!this->MessageIsError || this->MessageOf == this->Doc.Revision()))
   {
     ImGui::TextColored(this->MessageIsError ? Colors::Error : Colors::Accent, "%s", this->Message.c_str());
+    this->Mark("told/" + this->Message);
     ImGui::PopFont();
     return;
   }

@@ -169,6 +169,14 @@ private:
   void PropertyMenu(const std::string& scope, const std::string& box, const Property& row, const std::string& shown);
   std::string NodePathOf(const std::string& box) const;
   std::string ValueNow(const std::string& scope, const std::string& text, int depth = 0) const;
+  ///@{ What the command line gave counts until it is edited here. Value and option; empty: the file's counts.
+  std::optional<std::pair<std::string, std::string>> GivenProperty(
+    const std::string& scope, const std::string& box, const std::string& name) const;
+  std::optional<std::pair<std::string, std::string>> GivenVariable(const std::string& name) const;
+  void DropGivenProperty(const std::string& scope, const std::string& box, const std::string& name);
+  void DropGivenVariable(const std::string& name);
+  void RenameGiven(const std::string& box, const std::string& name);
+  ///@}
   void RenameFromPanel(const std::string& box, const std::string& name);
   void PropertyErrorText(const std::string& of);
   void AddTradePoint();

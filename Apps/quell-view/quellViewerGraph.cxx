@@ -2002,6 +2002,7 @@ void Viewer::GraphPanel(const ImVec2& min, const ImVec2& max)
         if (port ? this->Doc.RenameTemplatePort(this->Scope, this->Renaming.substr(5), this->RenameText, error)
                  : this->Doc.Rename(this->Scope, this->Renaming, this->RenameText, error))
         {
+          this->RenameGiven(this->Renaming, this->RenameText);
           if (this->A.Node == this->Renaming && this->Scope.empty())
           {
             this->A.Node = this->RenameText;

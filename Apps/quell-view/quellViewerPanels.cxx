@@ -118,6 +118,79 @@ std::string Viewer::ValueNow(const std::string& scope, const std::string& text, 
   return result + text.substr(at);
 }
 
+std::optional<std::pair<std::string, std::string>> Viewer::GivenProperty(
+  const std::string& scope, const std::string& box, const std::string& name) const
+{
+  std::optional<std::pair<std::string, std::string>> found;
+  const PipelineNode* node = this->Doc.FindNode(scope, box);
+  if (name == "Seed" && this->Given.Graph.Seed && node && !node->IsInstance)
+  {
+    found = { std::to_string(*this->Given.Graph.Seed), "--seed" };
+  }
+  const std::string path = this->NodePathOf(box) + "." + name;
+  for (const auto& p : this->Given.Graph.Properties)
+  {
+    if (p.first == path)
+    {
+      found = { p.second, "--set" };
+    }
+  }
+  return found;
+}
+
+std::optional<std::pair<std::string, std::string>> Viewer::GivenVariable(const std::string& name) const
+{
+  std::optional<std::pair<std::string, std::string>> found;
+  for (const auto& d : this->Given.Graph.Defines)
+  {
+    if (d.first == name)
+    {
+      found = { d.second, "-D" };
+    }
+  }
+  return found;
+}
+
+void Viewer::DropGivenProperty(const std::string& scope, const std::string& box, const std::string& name)
+{
+  const auto given = this->GivenProperty(scope, box, name);
+  if (!given)
+  {
+    return;
+  }
+  const std::string path = this->NodePathOf(box) + "." + name;
+  GraphOptions::Assignments& all = this->Given.Graph.Properties;
+  all.erase(std::remove_if(all.begin(), all.end(), [&](const auto& p) { return p.first == path; }), all.end());
+  if (name == "Seed")
+  {
+    this->Given.Graph.Seed.reset();
+  }
+  this->Tell(path + ": " + given->second + " " + given->first + " of the command line counts no longer");
+}
+
+void Viewer::DropGivenVariable(const std::string& name)
+{
+  const auto given = this->GivenVariable(name);
+  if (!given)
+  {
+    return;
+  }
+  GraphOptions::Assignments& all = this->Given.Graph.Defines;
+  all.erase(std::remove_if(all.begin(), all.end(), [&](const auto& p) { return p.first == name; }), all.end());
+  this->Tell(name + ": " + given->second + " " + given->first + " of the command line counts no longer");
+}
+
+void Viewer::RenameGiven(const std::string& box, const std::string& name)
+{
+  const std::string path = this->NodePathOf(box), now = this->NodePathOf(name);
+  for (auto& p : this->Given.Graph.Properties)
+  {
+    const bool is = p.first.compare(0, path.size(), path) == 0 && p.first.size() > path.size() &&
+                    (p.first[path.size()] == '.' || p.first[path.size()] == '/');
+    p.first = is ? now + p.first.substr(path.size()) : p.first;
+  }
+}
+
 void Viewer::PropertyErrorText(const std::string& of)
 {
   if (this->PropertyErrorOf != of || this->PropertyErrorAt != this->Doc.Revision())
@@ -138,6 +211,7 @@ void Viewer::RenameFromPanel(const std::string& box, const std::string& name)
   const bool output = box.compare(0, 7, "output:") == 0;
   if (this->Doc.Rename(this->Scope, box, name, error))
   {
+    this->RenameGiven(box, name);
     if (this->A.Node == box && this->Scope.empty())
     {
       this->A.Node = name;
@@ -207,6 +281,7 @@ void Viewer::PropertyMenu(
 void Viewer::PropertyRow(const std::string& scope, const std::string& box, const Property& row)
 {
   const PipelineText* written = this->Doc.FindProperty(scope, box, row.Name);
+  auto given = this->GivenProperty(scope, box, row.Name);
   const std::string mark = "property/" + row.Name;
   ImGui::PushID(row.Name.c_str());
   ImGui::TableNextRow();
@@ -214,16 +289,25 @@ void Viewer::PropertyRow(const std::string& scope, const std::string& box, const
   ImGui::AlignTextToFramePadding();
   ImGui::PushFont(this->Win.Small());
   const float labelWidth = ImGui::GetContentRegionAvail().x;
-  ImGui::TextColored(written ? Colors::Text : Colors::Dim, "%s", Fitted(row.Name, labelWidth).c_str());
+  ImGui::TextColored(given     ? Colors::Accent
+                     : written ? Colors::Text
+                               : Colors::Dim,
+    "%s", Fitted(row.Name, labelWidth).c_str());
   ImGui::PopFont();
   this->Mark("label/" + row.Name);
   if (this->Doc.IsEditable(scope))
   {
     ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(8), this->S(6)));
+    const std::uint64_t before = this->Doc.Revision();
     this->PropertyMenu(scope, box, row, written ? written->Value : row.DefaultText);
     ImGui::PopStyleVar();
     // What the menu may have changed.
     written = this->Doc.FindProperty(scope, box, row.Name);
+    if (given && this->Doc.Revision() != before)
+    {
+      this->DropGivenProperty(scope, box, row.Name);
+      given.reset();
+    }
   }
   std::string range = RangeOf(row);
   this->Tooltip(row.Name + (row.Unit.empty() ? "" : "  [" + row.Unit + "]") + "\n" + row.Doc + "\n" +
@@ -246,16 +330,19 @@ void Viewer::PropertyRow(const std::string& scope, const std::string& box, const
     }
     this->PropertyErrorOf.clear();
     this->HurryNext = !merge;
-    if (!merge && !written && text == row.DefaultText)
+    if (!merge && !written && !given && text == row.DefaultText)
     {
       return;
     }
     this->Doc.SetProperty(scope, box, row.Name, text, merge);
+    // Whoever turns a knob wants to see it turn.
+    this->DropGivenProperty(scope, box, row.Name);
   };
   ImGui::BeginDisabled(!editable);
-  const std::string shown = written ? written->Value : row.DefaultText;
+  const std::string inFile = written ? written->Value : row.DefaultText;
+  const std::string shown = given ? given->first : inFile;
   ImGui::SetNextItemWidth(-reset);
-  const bool variable = written && IsVariable(written->Value);
+  const bool variable = (given || written) && IsVariable(shown);
   const std::string key = scope + "/" + box + "." + row.Name;
   const auto text = [&](const char* hint)
   {
@@ -304,7 +391,7 @@ void Viewer::PropertyRow(const std::string& scope, const std::string& box, const
   if (variable)
   {
     // The variable that stands here alone can get another file.
-    const std::string& all = written->Value;
+    const std::string& all = shown;
     const std::string name =
       all.compare(0, 2, "$(") == 0 && all.find(')') == all.size() - 1 ? all.substr(2, all.size() - 3) : std::string();
     const std::vector<PipelineVariable>& known = this->Doc.Get()->Variables;
@@ -320,7 +407,9 @@ void Viewer::PropertyRow(const std::string& scope, const std::string& box, const
     {
       chooser("variable:" + name);
     }
+    const auto fromOutside = this->GivenVariable(name);
     expanded = "= " + (file && !now.empty() ? std::filesystem::path(now).filename().string() : now);
+    expanded += fromOutside ? "  (" + fromOutside->second + ")" : std::string();
   }
   else if (row.Kind == Property::Type::Bool)
   {
@@ -393,22 +482,36 @@ void Viewer::PropertyRow(const std::string& scope, const std::string& box, const
     text("");
     this->Mark(mark);
   }
-  if (written)
+  if (given)
+  {
+    expanded = given->second + "; " + (written ? "the file has " : "default ") + (inFile.empty() ? "nothing" : inFile);
+  }
+  if (given || written)
   {
     ImGui::SameLine(0, this->S(3));
     if (ImGui::Button("\u21ba", ImVec2(ImGui::GetFrameHeight(), 0)))
     {
-      this->Doc.ResetProperty(scope, box, row.Name);
+      if (given)
+      {
+        this->DropGivenProperty(scope, box, row.Name);
+      }
+      else
+      {
+        this->Doc.ResetProperty(scope, box, row.Name);
+      }
     }
     this->Mark(mark + "/reset");
-    this->Tooltip("Back to the default, " + (row.DefaultText.empty() ? "empty" : row.DefaultText));
+    this->Tooltip(given ? "What the file has, instead of " + given->second + " on the command line"
+                        : "Back to the default, " + (row.DefaultText.empty() ? "empty" : row.DefaultText));
   }
   ImGui::EndDisabled();
   if (!expanded.empty())
   {
     ImGui::PushFont(this->Win.Small());
     ImGui::SetCursorPosX(ImGui::GetCursorPosX() + ImGui::GetStyle().FramePadding.x);
-    ImGui::TextColored(Colors::Dim, "%s", Fitted(expanded, ImGui::GetContentRegionAvail().x - reset).c_str());
+    ImGui::TextColored(given ? Colors::Accent : Colors::Dim, "%s",
+      Fitted(expanded, ImGui::GetContentRegionAvail().x - (given ? 0 : reset)).c_str());
+    this->Tooltip(expanded);
     ImGui::PopFont();
     this->MarkRect(mark + "/value " + expanded, ImGui::GetItemRectMin(), ImGui::GetItemRectMax());
   }
@@ -915,18 +1018,20 @@ void Viewer::PipelineTab()
     for (const PipelineVariable& v : std::vector<PipelineVariable>(d.Variables))
     {
       const std::string name = v.Name.Value;
+      const auto given = this->GivenVariable(name);
+      const std::string shown = given ? given->first : v.Default.Value;
       ImGui::PushID(name.c_str());
       ImGui::TableNextRow();
       ImGui::TableNextColumn();
       ImGui::AlignTextToFramePadding();
       ImGui::PushFont(this->Win.Small());
-      ImGui::TextUnformatted(name.c_str());
+      ImGui::TextColored(given ? Colors::Accent : Colors::Text, "%s", name.c_str());
       ImGui::PopFont();
       this->Tooltip(v.Doc.Value + (v.Doc.Value.empty() ? "" : "\n") + v.Type.Value);
       ImGui::TableNextColumn();
       long long i = 0;
       std::string error;
-      if (v.Type.Value == "int" && detail::ParseInt(v.Default.Value, -1000000000, 1000000000, i, error))
+      if (v.Type.Value == "int" && detail::ParseInt(shown, -1000000000, 1000000000, i, error))
       {
         ImGui::SetNextItemWidth(-1);
         int n = int(i);
@@ -934,6 +1039,7 @@ void Viewer::PipelineTab()
         {
           this->HurryNext = false;
           this->Doc.SetVariable(name, std::to_string(n), true);
+          this->DropGivenVariable(name);
         }
         this->Mark("variable/" + name);
       }
@@ -944,12 +1050,13 @@ void Viewer::PipelineTab()
         std::string& edit = this->EditTexts["variable " + name];
         if (ImGui::GetActiveID() != ImGui::GetID("##t"))
         {
-          edit = v.Default.Value;
+          edit = shown;
         }
         ImGui::InputText("##t", &edit);
-        if (ImGui::IsItemDeactivatedAfterEdit() && edit != v.Default.Value)
+        if (ImGui::IsItemDeactivatedAfterEdit() && edit != shown)
         {
           this->Doc.SetVariable(name, edit);
+          this->DropGivenVariable(name);
         }
         this->Mark("variable/" + name);
         if (path)
@@ -961,10 +1068,28 @@ void Viewer::PipelineTab()
           }
         }
       }
+      if (given)
+      {
+        const std::string note =
+          given->second + "; the file has " + (v.Default.Value.empty() ? "nothing" : v.Default.Value);
+        ImGui::PushFont(this->Win.Small());
+        ImGui::TextColored(Colors::Accent, "%s", Fitted(note, ImGui::GetContentRegionAvail().x - this->S(24)).c_str());
+        this->Mark("variable/" + name + "/value " + note);
+        this->Tooltip(note);
+        ImGui::SameLine(0, this->S(3));
+        if (ImGui::SmallButton("\u21ba"))
+        {
+          this->DropGivenVariable(name);
+        }
+        this->Mark("variable/" + name + "/reset");
+        this->Tooltip("What the file has, instead of -D on the command line");
+        ImGui::PopFont();
+      }
       ImGui::TableNextColumn();
       if (ImGui::SmallButton("\u2715"))
       {
         this->Doc.RemoveVariable(name);
+        this->DropGivenVariable(name); // there is nothing left that it could give a value
       }
       this->Tooltip("Delete the variable");
       ImGui::PopID();

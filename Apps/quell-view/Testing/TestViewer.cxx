@@ -330,6 +330,9 @@ TEST_F(Viewing, NodesAreInsertedDeletedDuplicatedAndRenamed)
   EXPECT_TRUE(d.FindNode("", "blur2"));
   this->Do("key Delete\n");
   EXPECT_FALSE(d.FindNode("", "blur2"));
+  this->Do("click node/scattered\nkey Delete ctrl\n");
+  EXPECT_TRUE(this->Has("told/demodulate: pt:direct goes on, pt:indirect is no longer read"));
+  this->Do("key z ctrl\nwait\n");
   this->Do("click node/blur\nkey F2\ntype soft\nkey Return\nwait\n");
   EXPECT_TRUE(d.FindNode("", "soft"));
   EXPECT_EQ(this->View->Target().Node, "soft");
@@ -550,6 +553,54 @@ TEST_F(Viewing, EventsThatComeTogetherAreTakenOneByOne)
   key("Return");
   this->Do("frames 60\nwait\n");
   EXPECT_TRUE(this->View->Document().FindNode("", "fireflyClamp"));
+}
+
+// Somebody types faster than a busy machine draws: a field takes in one frame what came since the last.
+TEST_F(Viewing, AFieldTakesInOneFrameAllThatWasTyped)
+{
+  this->Start(1300, 1000, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  this->Do("wait\nclick node/blur\nkey F2\nframes 4\n");
+  const auto key = [&](const std::string& sym, char character = 0)
+  {
+    for (const bool down : { true, false })
+    {
+      WindowEvent e;
+      e.What = character && down ? WindowEvent::Kind::Text : WindowEvent::Kind::Key;
+      e.Sym = sym;
+      e.Character = static_cast<unsigned char>(character);
+      e.Down = down;
+      this->Win->Send(e);
+    }
+  };
+  const std::string name = "a_name_of_thirty-eight_characters_xxyy";
+  for (const char c : name)
+  {
+    key(std::string(1, c), c);
+  }
+  this->Win->Frame([&] { this->View->Ui(); });
+  EXPECT_FALSE(this->Win->HasEvents()) << "38 characters, one frame";
+  // Commands stay in their order with the characters, also where a key goes down twice.
+  key("BackSpace");
+  key("BackSpace");
+  key("z", 'z');
+  key("Home");
+  key("q", 'q');
+  key("Delete");
+  key("Return");
+  int frames = 0;
+  while (this->Win->HasEvents() && ++frames < 100)
+  {
+    this->Win->Frame([&] { this->View->Ui(); });
+  }
+  this->Do("frames 3\nwait\n");
+  EXPECT_TRUE(this->View->Document().FindNode("", "q" + name.substr(1, name.size() - 3) + "z"));
+  EXPECT_LT(frames, 14);
+  // Letters that no field waits for are commands, each of its own.
+  const int tick = int(this->View->Document().Revision());
+  this->Do("move graph@0.5,0.95\nkey z ctrl\n");
+  EXPECT_NE(int(this->View->Document().Revision()), tick);
+  EXPECT_TRUE(this->View->Document().FindNode("", "blur"));
 }
 
 TEST_F(Viewing, APixelTellsItsWeights)
@@ -911,13 +962,61 @@ TEST_F(Viewing, VariablesShowWhatTheyStandFor)
   ASSERT_TRUE(this->View->Open("quick.xml"));
   EditDocument& d = this->View->Document();
   this->Do("wait\nclick node/pt\nwait\nframes 3\n");
-  EXPECT_TRUE(this->Has("property/Width/value = 48")) << "-D comes first";
+  EXPECT_TRUE(this->Has("property/Width/value = 48  (-D)")) << "-D comes first";
   EXPECT_TRUE(this->Has("property/Scene/value = cornell-box.gltf"));
   fs::copy_file(this->Top / "Scenes/cornell-box.gltf", this->Top / "Scenes/other.gltf");
   this->Do("click property/Scene/choose\nframes 2\nclick files/other.gltf\nclick files/ok\nwait\n");
   ASSERT_FALSE(d.Get()->Variables.empty());
   EXPECT_EQ(d.FindProperty("", "pt", "Scene")->Value, "$(scene)") << "the variable got it";
   EXPECT_TRUE(this->Has("property/Scene/value = other.gltf"));
+}
+
+// What the command line gives is what the panels show, until it is edited; the file keeps its own.
+TEST_F(Viewing, ValuesOfTheCommandLineAreShownAndCanBeEdited)
+{
+  Viewer::Options options = this->Small();
+  options.Graph.Properties = { { "blur.SigmaRange", "0.9" }, { "blur.Radius", "2" } };
+  this->Start(1300, 1000, 1, options);
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  EditDocument& d = this->View->Document();
+  const std::string file = this->Written("quick.xml");
+  this->Do("wait\nclick node/blur\nwait\nframes 3\n");
+  const std::string inFile =
+    d.FindProperty("", "blur", "SigmaRange")
+      ? "the file has " + d.FindProperty("", "blur", "SigmaRange")->Value
+      : "default " + Registry().Describe("BilateralFilter")->FindProperty("SigmaRange")->DefaultText;
+  EXPECT_TRUE(this->Has("property/SigmaRange/value --set; " + inFile));
+  EXPECT_FALSE(d.IsDirty());
+  const auto first = this->View->Pictures();
+  // An edit counts.
+  this->Do("click property/SigmaRange ctrl\nkey a ctrl\ntype 0.05\nkey Return\nwait\nframes 2\n");
+  ASSERT_TRUE(d.FindProperty("", "blur", "SigmaRange"));
+  EXPECT_EQ(d.FindProperty("", "blur", "SigmaRange")->Value, "0.05");
+  EXPECT_FALSE(this->Has("property/SigmaRange/value --set; the file has 0.05"));
+  EXPECT_TRUE(this->Has("told/blur.SigmaRange: --set 0.9 of the command line counts no longer"));
+  const auto second = this->View->Pictures();
+  ASSERT_TRUE(first && second);
+  EXPECT_NE(first->A.Rgba, second->A.Rgba) << "the picture follows";
+  // So does the file's own value, by the button, without a change of the file.
+  this->Do("key z ctrl\nwait\nclick property/Radius/reset\nwait\n");
+  EXPECT_FALSE(d.IsDirty());
+  EXPECT_TRUE(this->Has("told/blur.Radius: --set 2 of the command line counts no longer"));
+  // Variables likewise; another one stays.
+  this->View->ShowTab("Pipeline");
+  this->Do("frames 3\n");
+  EXPECT_TRUE(this->Has("variable/width/value -D; the file has 192"));
+  EXPECT_EQ(this->View->Pictures()->A.Width, 48);
+  this->Do("click variable/width double\nkey a ctrl\ntype 32\nkey Return\nwait\nframes 2\n");
+  EXPECT_EQ(this->View->Pictures()->A.Width, 32);
+  EXPECT_EQ(this->View->Pictures()->A.Height, 48);
+  EXPECT_FALSE(this->Has("variable/width/reset"));
+  EXPECT_TRUE(this->Has("variable/height/reset"));
+  this->Do("key z ctrl\nclick variable/height/reset\nwait\nframes 2\n");
+  EXPECT_EQ(this->View->Pictures()->A.Height, 192);
+  EXPECT_EQ(d.Text(), file) << "saving writes the file's own values";
+  // A node that goes takes its --set along, and finds it again.
+  this->Do("click node/blur\nkey Delete ctrl\nwait\n");
+  EXPECT_EQ(this->View->ErrorText(), "");
 }
 
 TEST_F(Viewing, LinesOverThePictureLieBelowEachOther)
