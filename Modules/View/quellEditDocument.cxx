@@ -1345,6 +1345,29 @@ bool EditDocument::Remove(
 std::vector<std::string> EditDocument::Duplicate(
   const std::string& scope, const std::vector<std::string>& boxes, double dx, double dy)
 {
+  if (scope.empty() &&
+      std::any_of(boxes.begin(), boxes.end(), [](const std::string& b) { return HasPrefix(b, OutputPrefix); }))
+  {
+    // Outputs need names and files of their own; a paste of a copy gives them.
+    const std::string xml = this->CopyXml(scope, boxes);
+    double left = 0, top = 0;
+    bool placed = false;
+    for (const auto& p : ReadPipelinePositions(xml))
+    {
+      left = placed ? std::min(left, p.second.first) : p.second.first;
+      top = placed ? std::min(top, p.second.second) : p.second.second;
+      placed = true;
+    }
+    std::string error;
+    const std::vector<std::string> copies =
+      xml.empty() ? std::vector<std::string>() : this->PasteXml(scope, xml, left + dx, top + dy, error);
+    if (!copies.empty())
+    {
+      this->Undone.back().Label =
+        copies.size() == 1 ? "duplicate " + boxes.front() : "duplicate " + std::to_string(copies.size()) + " nodes";
+    }
+    return copies;
+  }
   PipelineDocument& d = this->Begin();
   this->KeepPlaces();
   std::vector<PipelineNode>* nodes = this->EditNodes(d, scope);

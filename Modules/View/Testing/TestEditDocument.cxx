@@ -227,6 +227,24 @@ TEST(EditDocument, CopiesKeepTheLinksAmongThem)
   }
 }
 
+TEST(EditDocument, DuplicatesTakeOutputsAlong)
+{
+  EditDocument d = Opened("quick.xml");
+  d.Move("", { { "sum", { 100, 50 } }, { "output:beauty", { 300, 60 } } });
+  const std::vector<std::string> made = d.Duplicate("", { "sum", "output:beauty" }, 40, 40);
+  EXPECT_EQ(made, (std::vector<std::string>{ "sum2", "output:beauty2" }));
+  ASSERT_EQ(d.Get()->Outputs.size(), 3u);
+  EXPECT_EQ(d.Get()->Outputs[2].From.Value, "sum2:radiance");
+  EXPECT_EQ(d.Get()->Outputs[2].File.Value, "out/quick-2.exr") << "two outputs cannot go into one file";
+  EXPECT_EQ(d.Positions().at("output:beauty2"), std::make_pair(340., 100.));
+  EXPECT_EQ(d.FindNode("", "sum2")->Inputs[0].From.Value, "modulate:radiance");
+  EXPECT_EQ(d.UndoLabel(), "duplicate 2 nodes");
+  EXPECT_EQ(Errors(d), 0);
+  d.Undo();
+  EXPECT_EQ(d.Get()->Outputs.size(), 2u);
+  EXPECT_FALSE(d.FindNode("", "sum2"));
+}
+
 TEST(EditDocument, NodesTravelAsXml)
 {
   EditDocument d = Opened("quick.xml");
