@@ -299,11 +299,22 @@ bool ScriptRunner::Do(const Script::Line& line, std::string& error)
   }
   else if (a == "type")
   {
-    for (char c : line.Rest)
+    for (std::size_t i = 0; i < line.Rest.size(); ++i)
     {
+      // The script is UTF-8; VTK's keys are of one byte, Latin-1.
+      unsigned int c = static_cast<unsigned char>(line.Rest[i]);
+      if ((c == 0xC2 || c == 0xC3) && i + 1 < line.Rest.size())
+      {
+        c = ((c & 3u) << 6) | (static_cast<unsigned char>(line.Rest[++i]) & 0x3Fu);
+      }
+      else if (c >= 0x80)
+      {
+        error = "a keyboard event holds a character up to U+00FF";
+        return false;
+      }
       e.What = WindowEvent::Kind::Text;
-      e.Character = static_cast<unsigned char>(c);
-      e.Sym = std::string(1, c);
+      e.Character = c;
+      e.Sym = std::string(1, char(c));
       e.X = double(this->Mouse.x);
       e.Y = double(this->Mouse.y);
       this->Win.Send(e);
@@ -428,7 +439,15 @@ void Recorder::Take(const WindowEvent& e, const Window& window)
     case WindowEvent::Kind::Text:
       if (e.Character != ' ')
       {
-        std::fprintf(this->File, "type %c\n", char(e.Character));
+        if (e.Character < 0x80)
+        {
+          std::fprintf(this->File, "type %c\n", char(e.Character));
+        }
+        else
+        {
+          std::fprintf(
+            this->File, "type %c%c\n", char(0xC0 | ((e.Character >> 6) & 3)), char(0x80 | (e.Character & 0x3F)));
+        }
       }
       break;
     case WindowEvent::Kind::Drop:

@@ -603,6 +603,18 @@ TEST_F(Viewing, AFieldTakesInOneFrameAllThatWasTyped)
   EXPECT_TRUE(this->View->Document().FindNode("", "blur"));
 }
 
+TEST_F(Viewing, ScriptsTypeCharactersNotBytes)
+{
+  this->Start(1300, 1000, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  this->Do(
+    "wait\nclick node/output:beauty\nframes 3\nclick property/file\nkey a ctrl\ntype \u00e9t\u00e9.exr\nkey Return\n");
+  EXPECT_EQ(this->View->Document().Get()->Outputs[0].File.Value, "\u00e9t\u00e9.exr");
+  std::string error;
+  EXPECT_FALSE(this->Run->Do("type \u20ac", error));
+  EXPECT_NE(error.find("U+00FF"), std::string::npos);
+}
+
 TEST_F(Viewing, APixelTellsItsWeights)
 {
   Viewer::Options o = Small();
