@@ -161,6 +161,19 @@ void Viewer::New()
 
 bool Viewer::Open(const std::string& file)
 {
+  if ((IsScene(file) || IsPicture(file)) && this->OnErrorPage())
+  {
+    // It would be added to a graph that nobody sees.
+    if (!this->Doc.Nodes("").empty() || this->Doc.HasFile() || this->Doc.IsDirty())
+    {
+      this->Tell(fs::path(file).filename().string() +
+                   " was not taken: it would change the pipeline behind this page. Go back first, then drop it again",
+        true);
+      return false;
+    }
+    this->OpenErrors.clear();
+    this->OpenErrorFile.clear();
+  }
   std::error_code ec;
   const std::string extension = LowerExtension(file);
   if (IsScene(file))
@@ -218,6 +231,7 @@ bool Viewer::Open(const std::string& file)
         {
           this->New();
           this->Doc.Set(document);
+          this->Points.Clear(this->Doc.Get());
           this->Tell("opened the pipeline in " + fs::path(file).filename().string());
           return true;
         }
@@ -254,6 +268,7 @@ bool Viewer::Open(const std::string& file)
   this->New();
   this->Given.Graph = options;
   this->Doc = std::move(opened);
+  this->Points.Clear(this->Doc.Get());
   if (this->Doc.Nodes("").empty() && !this->Doc.Get()->Templates.empty())
   {
     this->EnterScope(this->Doc.Get()->Templates.front().Name.Value); // a library
@@ -407,6 +422,9 @@ void Viewer::FileChosen(const std::string& purpose, const std::string& file)
       }
       this->Reference.Kind = KindOf(this->Reference.Array, 3);
       this->ReferenceFile = file;
+      std::error_code ec;
+      const auto written = fs::last_write_time(file, ec).time_since_epoch().count();
+      this->ReferenceKey = fs::weakly_canonical(file, ec).string() + " " + std::to_string(written);
       this->ReferenceError.clear();
       this->BFrom = SourceB::Reference;
     }
@@ -917,13 +935,15 @@ void Viewer::Shortcuts()
   {
     return;
   }
-  if (w.Pressed("s", true))
+  // The page about a file covers a graph: what would change or save that waits until it is seen again.
+  const bool save = w.Pressed("s", true), saveAs = w.Pressed("s", true, true);
+  if ((save || saveAs) && this->OnErrorPage())
   {
-    this->Save(false);
+    this->Tell("nothing saved: go back to the pipeline first", true);
   }
-  if (w.Pressed("s", true, true))
+  else if (save || saveAs)
   {
-    this->Save(true);
+    this->Save(saveAs);
   }
   if (w.Pressed("o", true))
   {
@@ -937,7 +957,7 @@ void Viewer::Shortcuts()
   {
     this->AskToClose("quit");
   }
-  if (typing)
+  if (typing || this->OnErrorPage())
   {
     return;
   }
@@ -1162,15 +1182,15 @@ void Viewer::MenuBar()
       ImGui::EndMenu();
     }
     ImGui::Separator();
-    if (item("Save", "Ctrl+S", "save"))
+    if (item("Save", "Ctrl+S", "save", !this->OnErrorPage()))
     {
       this->Save(false);
     }
-    if (item("Save as\u2026", "Ctrl+Shift+S", "save-as"))
+    if (item("Save as\u2026", "Ctrl+Shift+S", "save-as", !this->OnErrorPage()))
     {
       this->Save(true);
     }
-    if (item("Write the picture\u2026", "", "write-picture", this->LastGood != nullptr))
+    if (item("Write the picture\u2026", "", "write-picture", this->LastGood != nullptr && !this->OnErrorPage()))
     {
       this->OpenFileDialog("picture", "Write the arrays of the shown node", ".exr .hdr .png");
       this->DialogName = this->A.Node + ".exr";
@@ -1183,7 +1203,7 @@ void Viewer::MenuBar()
     ImGui::EndMenu();
   }
   this->Mark("menu/File");
-  if (ImGui::BeginMenu("Edit"))
+  if (ImGui::BeginMenu("Edit", !this->OnErrorPage()))
   {
     const bool some = !this->Selected.empty();
     if (ImGui::MenuItem(this->Doc.CanUndo() ? ("Undo " + this->Doc.UndoLabel()).c_str() : "Undo", "Ctrl+Z", false,
@@ -1410,6 +1430,16 @@ void Viewer::Welcome(const ImVec2& min, const ImVec2& max)
       const std::string file = this->OpenErrorFile;
       this->OpenErrors.clear();
       this->Open(file);
+    }
+    if (!this->Doc.Nodes("").empty())
+    {
+      ImGui::TextColored(Colors::Dim, "%s is as it was; \"Back\" leads to it.",
+        this->Doc.HasFile() ? fs::path(this->Doc.File()).filename().string().c_str() : "The pipeline");
+    }
+    if (!this->Message.empty() && ImGui::GetTime() < this->MessageUntil)
+    {
+      ImGui::TextColored(this->MessageIsError ? Colors::Error : Colors::Accent, "%s", this->Message.c_str());
+      this->Mark("welcome/message");
     }
   }
   else

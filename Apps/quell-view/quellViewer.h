@@ -121,6 +121,8 @@ private:
   void Save(bool as);
   void SaveHere();
   void AskToClose(const std::string& action);
+  /// A page about a file that cannot be opened hides the graph.
+  bool OnErrorPage() const { return !this->OpenErrors.empty(); }
   void Perform(std::string action); ///< a copy: the question that holds it is answered
   void OpenFileDialog(const std::string& purpose, const std::string& title, const std::string& extensions);
   void FileChosen(const std::string& purpose, const std::string& file);
@@ -180,6 +182,8 @@ private:
   void RenameFromPanel(const std::string& box, const std::string& name);
   void PropertyErrorText(const std::string& of);
   void AddTradePoint();
+  /// A point of what is looked at now, without figures.
+  TradePoint PointNow() const;
 
   // quellViewerGraph.cxx
   struct BoxLayout
@@ -233,6 +237,7 @@ private:
   DisplaySettings Display;
   Picture Reference, Kept;
   std::string ReferenceFile, KeptName, ReferenceError;
+  std::string ReferenceKey; ///< the file and when it was written
   int KeptTick = 0;
   /// Parameter set B and what runs it: while the two are compared, both run the same frame, or follow the same camera.
   std::shared_ptr<const PipelineDocument> SetB;
@@ -320,6 +325,7 @@ private:
   // trade
   TradePoints Points;
   bool CollectPoints = true;
+  TradePoint LastPoint; ///< that was added, and the frame it is of
   std::uint64_t PointOf = 0;
   std::unique_ptr<LedgerRun> Ledger;
 

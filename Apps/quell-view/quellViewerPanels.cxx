@@ -1223,12 +1223,33 @@ void Viewer::PipelineTab()
   }
 }
 
+TradePoint Viewer::PointNow() const
+{
+  TradePoint point;
+  point.Document = this->Doc.Get();
+  point.Tick = this->Tick;
+  point.Target = ResolveTarget(*point.Document, this->A);
+  if (point.Target.Array.empty())
+  {
+    point.Target.Array = this->PictureOf(this->A).Array; // by its name or as the first one: the same array
+  }
+  point.Reference = this->ReferenceKey;
+  point.History = this->History;
+  return point;
+}
+
 void Viewer::AddTradePoint()
 {
   const std::shared_ptr<const Presentation> p = this->Presented;
-  if (!this->CollectPoints || !p || !p->Complete || !this->LastGood || this->PointOf == this->LastGood->Number ||
-      !this->LastGood->Final || this->Camera || this->Refine || this->LastGood->Pruned || this->Playing ||
-      !(p->Wish.A == this->PictureOf(this->A)))
+  if (!this->CollectPoints || !p || !p->Complete || !this->LastGood || !this->LastGood->Final || this->Camera ||
+      this->Refine || this->LastGood->Pruned || this->Playing || this->LastGood->Document != this->Doc.Get() ||
+      this->LastGood->Tick != this->Tick || !(p->Wish.A == this->PictureOf(this->A)) ||
+      !(p->Wish.Reference == this->Reference))
+  {
+    return;
+  }
+  TradePoint point = this->PointNow();
+  if (this->PointOf == this->LastGood->Number && this->LastPoint.ComparableWith(point))
   {
     return;
   }
@@ -1238,20 +1259,15 @@ void Viewer::AddTradePoint()
     {
       continue;
     }
-    TradePoint point;
-    point.Document = this->LastGood->Document;
     point.Error = e.second;
-    point.Tick = this->LastGood->Tick;
-    point.Target = this->A;
-    const std::vector<TradePoint>& all = this->Points.All();
-    point.Label = all.empty() ? "as opened" : ChangeText(*all.front().Document, *point.Document);
     // What was kept from the frame before took its time then.
     for (const ViewFrame::Node& n : this->LastGood->Nodes)
     {
       point.Milliseconds += 1000 * this->Points.KnownSeconds(n.Path);
     }
-    this->Points.Add(point);
     this->PointOf = this->LastGood->Number;
+    this->LastPoint = point;
+    this->Points.Add(std::move(point));
   }
 }
 
@@ -1389,7 +1405,24 @@ void Viewer::TradeTab()
   }
   ImGui::SameLine();
   ImGui::TextColored(Colors::Dim, "%s", this->Points.Metric.c_str());
-  const std::vector<TradePoint>& points = this->Points.All();
+  // Points of other frames, nodes and references wait until those are looked at again.
+  const std::vector<int> comparable = this->Points.ComparableWith(this->PointNow());
+  std::vector<TradePoint> points;
+  for (const int i : comparable)
+  {
+    points.push_back(this->Points.All()[std::size_t(i)]);
+  }
+  const std::string which =
+    "of " + this->A.Node + (this->A.Array.empty() ? "" : ":" + this->A.Array) +
+    (this->Checked && this->Checked->Ticks.Count > 1 ? ", frame " + std::to_string(this->Tick) : std::string());
+  ImGui::PushFont(this->Win.Small());
+  ImGui::PushTextWrapPos(0);
+  ImGui::TextColored(Colors::Dim, "%s", which.c_str());
+  ImGui::PopTextWrapPos();
+  ImGui::PopFont();
+  this->Tooltip(
+    "Points are of one node's array in one frame: only those can be compared. Others are shown when they are "
+    "looked at again.");
   if (points.empty())
   {
     ImGui::PushTextWrapPos(0);
@@ -1470,9 +1503,8 @@ void Viewer::TradeTab()
   }
   const auto back = [&](int i)
   {
+    // Frame and node are those that are shown: other points are not in the list.
     this->Doc.Replace("return to a point", points[std::size_t(i)].Document);
-    this->Tick = points[std::size_t(i)].Tick;
-    this->A = points[std::size_t(i)].Target;
     this->Tell("as it was: " + points[std::size_t(i)].Label);
   };
   if (hovered >= 0)
@@ -1514,7 +1546,7 @@ void Viewer::TradeTab()
   ImGui::PopFont();
   if (remove >= 0)
   {
-    this->Points.Remove(remove);
+    this->Points.Remove(comparable[std::size_t(remove)]);
   }
 }
 

@@ -21,8 +21,7 @@ int TradePoints::Add(TradePoint point)
   for (std::size_t i = 0; i < this->Points.size(); ++i)
   {
     TradePoint& p = this->Points[i];
-    if (p.Tick == point.Tick && p.Target == point.Target &&
-        (p.Document == point.Document || *p.Document == *point.Document))
+    if (p.ComparableWith(point) && (p.Document == point.Document || *p.Document == *point.Document))
     {
       p.Milliseconds = std::min(p.Milliseconds, point.Milliseconds);
       p.Error = point.Error;
@@ -30,9 +29,30 @@ int TradePoints::Add(TradePoint point)
       return int(i);
     }
   }
+  if (!this->Opened)
+  {
+    this->Opened = point.Document;
+  }
+  if (point.Label.empty())
+  {
+    point.Label = ChangeText(*this->Opened, *point.Document);
+  }
   this->Points.push_back(std::move(point));
   this->Mark();
   return int(this->Points.size()) - 1;
+}
+
+std::vector<int> TradePoints::ComparableWith(const TradePoint& point) const
+{
+  std::vector<int> found;
+  for (std::size_t i = 0; i < this->Points.size(); ++i)
+  {
+    if (this->Points[i].ComparableWith(point))
+    {
+      found.push_back(int(i));
+    }
+  }
+  return found;
 }
 
 void TradePoints::Remove(int index)
@@ -51,7 +71,7 @@ void TradePoints::Mark()
     p.Pareto = std::none_of(this->Points.begin(), this->Points.end(),
       [&p](const TradePoint& q)
       {
-        return q.Milliseconds <= p.Milliseconds && q.Error <= p.Error &&
+        return q.ComparableWith(p) && q.Milliseconds <= p.Milliseconds && q.Error <= p.Error &&
                (q.Milliseconds < p.Milliseconds || q.Error < p.Error);
       });
   }

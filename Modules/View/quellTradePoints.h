@@ -18,23 +18,40 @@ namespace quell
 /// One state of a pipeline, how long its frame took and how far it was from the reference.
 struct TradePoint
 {
-  std::string Label; ///< what changed since the point before
+  std::string Label; ///< what differs from the pipeline as it was opened
   double Milliseconds = 0, Error = 0;
   std::shared_ptr<const PipelineDocument> Document;
   int Tick = 0;
   ViewTarget Target;
-  bool Pareto = false; ///< no other point is both faster and better
+  std::string Reference; ///< which picture it was compared with
+  HistoryMode History = HistoryMode::Exact;
+  bool Pareto = false; ///< no comparable point is both faster and better
+
+  /// The same array of the same node in the same frame against the same reference: figures of two changes. Anything
+  /// else says nothing about which change was the better one.
+  bool ComparableWith(const TradePoint& o) const
+  {
+    return this->Tick == o.Tick && this->Target == o.Target && this->Reference == o.Reference &&
+           this->History == o.History;
+  }
 };
 
-/// The points that a session collects, one for each state of the document; measured again, a state keeps its shortest
-/// time (the first run of a state does work that later ones have cached).
+/// The points that a session collects, one for each state of the document and each thing that was looked at; measured
+/// again, a state keeps its shortest time (the first run of a state does work that later ones have cached).
 class VTKQUELLVIEW_EXPORT TradePoints
 {
 public:
   std::string Metric = "relMSE";
   const std::vector<TradePoint>& All() const { return this->Points; }
-  void Clear() { this->Points.clear(); }
-  /// Index of the point that it is now.
+  /// Indices of the points that can be compared with this one, oldest first.
+  std::vector<int> ComparableWith(const TradePoint& point) const;
+  /// Forgets the points, and names later ones by what differs from `opened`; null: from the first point's document.
+  void Clear(std::shared_ptr<const PipelineDocument> opened = nullptr)
+  {
+    this->Points.clear();
+    this->Opened = std::move(opened);
+  }
+  /// Index of the point that it is now. An empty label is filled in.
   int Add(TradePoint point);
   void Remove(int index);
 
@@ -60,6 +77,7 @@ private:
   std::map<std::string, double> Seconds;
   std::map<std::string, std::int64_t> Rays;
   std::vector<TradePoint> Points;
+  std::shared_ptr<const PipelineDocument> Opened;
 };
 
 /// What differs between two documents, for a point's label: "blur.SigmaSpatial 2 -> 1.25", "clamp added".

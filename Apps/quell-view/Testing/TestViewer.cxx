@@ -390,6 +390,40 @@ TEST_F(Viewing, AWrongFileIsExplainedAndNothingIsLost)
   EXPECT_TRUE(this->View->Document().FindNode("", "a"));
 }
 
+TEST_F(Viewing, ThePageAboutAWrongFileTakesNoEdits)
+{
+  this->Start(1100, 800, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  const std::string file = this->Written("quick.xml");
+  std::ofstream("broken.xml") << "<pipeline version=\"1\">\n  <node id=\"a\" type=\"Sum\">\n</pipeline>\n";
+  this->Do("wait\nclick node/blur\ndrop " + fs::absolute("broken.xml").string() + "\nwait\n");
+  ASSERT_TRUE(this->Has("welcome/back"));
+  const auto before = this->View->Document().Get();
+  this->Do("key a ctrl\nkey Delete\nkey d ctrl\nkey x ctrl\nkey v ctrl\nkey z ctrl\nkey l\nkey F2\nkey g ctrl\n"
+           "frames 2\nkey s ctrl\nframes 2\n");
+  EXPECT_EQ(this->View->Document().Get(), before);
+  EXPECT_FALSE(this->View->Document().IsDirty());
+  EXPECT_EQ(this->Written("quick.xml"), file);
+  EXPECT_TRUE(this->Has("welcome/message")) << "says that nothing was saved";
+  this->Do("key s ctrl shift\nframes 2\n");
+  EXPECT_FALSE(this->Has("files/name"));
+  // What would be added to the graph is not, and the page says so.
+  for (const std::string& dropped : { Data + "/Scenes/cornell-box.gltf", Data + "/Images/cornell-box-moving.0031.exr" })
+  {
+    this->Do("drop " + dropped + "\nframes 3\n");
+    EXPECT_EQ(this->View->Document().Get(), before) << dropped;
+    EXPECT_TRUE(this->Has("welcome/back"));
+  }
+  this->Do("click welcome/back\nframes 2\nclick node/blur\nkey Delete\n");
+  EXPECT_FALSE(this->View->Document().FindNode("", "blur")) << "seen again, it is edited again";
+  // Where nothing is behind the page a scene is welcome.
+  this->View->New();
+  EXPECT_FALSE(this->View->Open("broken.xml"));
+  this->Do("drop " + Data + "/Scenes/cornell-box.gltf\nframes 3\n");
+  EXPECT_EQ(this->View->Document().Nodes("").size(), 1u);
+  EXPECT_FALSE(this->Has("welcome/back"));
+}
+
 TEST_F(Viewing, FilesCanBeDropped)
 {
   this->Start(1100, 800);
@@ -473,6 +507,51 @@ TEST_F(Viewing, PointsOfTheTradeCanBeReturnedTo)
   this->Do("click trade/ledger\nwait\nclick tab/Compare\nwait\n");
   ASSERT_TRUE(this->View->Pictures());
   EXPECT_EQ(this->View->Pictures()->Errors.size(), 5u);
+}
+
+TEST_F(Viewing, PointsOfTheTradeAreOfOneNodeAndOneFrame)
+{
+  Viewer::Options o;
+  o.Graph.Defines = { { "width", "32" }, { "height", "32" }, { "spp", "1" } };
+  {
+    GraphOptions g = o.Graph;
+    g.OutputDirectory = this->Top.string();
+    Diagnostics messages;
+    PipelineExecutor executor(LoadPipeline("quick.xml", Registry(), g, messages), Registry());
+    ASSERT_TRUE(executor.RunTick(0).Ok);
+  }
+  o.Reference = (this->Top / "out/quick.exr").string();
+  this->Start(1300, 900, 1, o);
+  ASSERT_TRUE(this->View->Open("svgf.xml"));
+  this->Do("click tab/Trade\nwait\n");
+  EXPECT_TRUE(this->Has("points/0"));
+  // Another frame and another node: each begins a list of its own.
+  this->Do("move image\nkey Right\nwait\n");
+  EXPECT_TRUE(this->Has("points/0"));
+  EXPECT_FALSE(this->Has("points/1")) << "nothing was changed";
+  EXPECT_FALSE(this->Has("point/1"));
+  const ViewTarget shown = this->View->Target();
+  this->Do("click node/pt\nwait\nclick tab/Trade\nwait\n");
+  ASSERT_NE(this->View->Target(), shown);
+  EXPECT_FALSE(this->Has("points/1"));
+  this->Do("click node/" + shown.Node + "\nwait\nclick tab/Trade\nwait\n");
+  ASSERT_EQ(this->View->Target().Node, shown.Node);
+  EXPECT_TRUE(this->Has("points/0"));
+  EXPECT_FALSE(this->Has("points/1")) << "it is the point that it was";
+  // A change is a point beside what it changed.
+  const auto first = this->View->Document().Get();
+  this->View->Document().SetProperty("", "taa", "Alpha", "0.7");
+  this->Do("wait\n");
+  EXPECT_TRUE(this->Has("points/1"));
+  this->Do("move image\nkey Left\nwait\n");
+  EXPECT_FALSE(this->Has("points/2"));
+  this->Do("move image\nkey Right\nwait\n");
+  EXPECT_TRUE(this->Has("points/1"));
+  EXPECT_FALSE(this->Has("points/2"));
+  this->Do("click points/0@0.3,0.5\nwait\n");
+  EXPECT_EQ(*this->View->Document().Get(), *first);
+  EXPECT_FALSE(this->Has("points/2"));
+  EXPECT_EQ(this->View->Frame()->Tick, 1);
 }
 
 TEST_F(Viewing, TheLayoutAndRecentFilesAreRemembered)
