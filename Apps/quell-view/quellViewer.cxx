@@ -129,6 +129,8 @@ void Viewer::New()
   this->A = this->B = ViewTarget();
   this->Lost.clear();
   this->LastDocument.reset();
+  this->ShownOf.clear();
+  this->KnownTicks = Timeline();
   this->Revealed.clear();
   this->Scope.clear();
   this->Selected.clear();
@@ -523,6 +525,13 @@ void Viewer::ChooseDefaultTarget()
     {
       return;
     }
+    // Undo of a rename or of a template made of nodes: what was shown had another name.
+    const auto before = this->ShownOf.find(this->Doc.Get());
+    if (before != this->ShownOf.end() && this->Exists(before->second))
+    {
+      this->A = before->second;
+      return;
+    }
     const ViewTarget lost = this->A;
     this->A = this->InputOf(lost);
     this->Lost.push_back(lost);
@@ -589,6 +598,14 @@ void Viewer::UpdateWish()
   }
   this->ChooseDefaultTarget();
   this->LastDocument = this->Doc.Get();
+  this->ShownOf[this->LastDocument] = this->A;
+  if (this->ShownOf.size() > 512)
+  {
+    for (auto i = this->ShownOf.begin(); i != this->ShownOf.end();)
+    {
+      i = i->first.expired() ? this->ShownOf.erase(i) : std::next(i);
+    }
+  }
   ViewWish w;
   w.Document = this->Doc.Get();
   w.Options = this->Given.Graph;
@@ -625,7 +642,7 @@ void Viewer::UpdateWish()
   w.History = this->History;
   w.Play = this->Playing;
   w.Loop = this->Looping;
-  w.PlayRate = this->Checked ? this->Checked->Ticks.Rate : 24;
+  w.PlayRate = this->Checked ? this->KnownTicks.Rate : 24;
   w.Refine = this->Refine;
   w.Paused = this->Paused;
   w.Camera = this->Camera;
@@ -688,6 +705,11 @@ void Viewer::TakeResults()
     return;
   }
   this->Checked = this->Session->Checked();
+  // A mistake that keeps the pipeline from being built says nothing about its frames: the place in time stays.
+  if (this->Checked && (this->Checked->Errors == 0 || this->Checked->Ticks.Count > 1 || this->KnownTicks.Count <= 1))
+  {
+    this->KnownTicks = this->Checked->Ticks;
+  }
   const std::shared_ptr<const ViewFrame> latest = this->Session->Latest();
   if (latest && latest != this->Shown)
   {
@@ -714,7 +736,7 @@ void Viewer::TakeResults()
     }
   }
   if (this->Playing && !this->Looping && this->Checked &&
-      this->Tick >= this->Checked->Ticks.First + this->Checked->Ticks.Count - 1 && this->Session->Idle())
+      this->Tick >= this->KnownTicks.First + this->KnownTicks.Count - 1 && this->Session->Idle())
   {
     this->Playing = false;
   }
@@ -1031,26 +1053,26 @@ void Viewer::Shortcuts()
   {
     this->Playing = false;
     this->Camera.reset();
-    this->Tick = std::max(this->Checked ? this->Checked->Ticks.First : 0, this->Tick - 1);
+    this->Tick = std::max(this->KnownTicks.First, this->Tick - 1);
   }
   if (w.Pressed("Right"))
   {
     this->Playing = false;
     this->Camera.reset();
-    const int last = this->Checked ? this->Checked->Ticks.First + this->Checked->Ticks.Count - 1 : 0;
+    const int last = this->KnownTicks.First + std::max(1, this->KnownTicks.Count) - 1;
     this->Tick = std::min(last, this->Tick + 1);
   }
   if (w.Pressed("Home"))
   {
     this->Playing = false;
     this->Camera.reset();
-    this->Tick = this->Checked ? this->Checked->Ticks.First : 0;
+    this->Tick = this->KnownTicks.First;
   }
   if (w.Pressed("End"))
   {
     this->Playing = false;
     this->Camera.reset();
-    this->Tick = this->Checked ? this->Checked->Ticks.First + this->Checked->Ticks.Count - 1 : 0;
+    this->Tick = this->KnownTicks.First + std::max(1, this->KnownTicks.Count) - 1;
   }
   if (w.Pressed("r"))
   {
@@ -1512,7 +1534,7 @@ void Viewer::TimelineBar()
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, ImVec2(this->S(8), this->S(5)));
   ImGui::Begin(
     "##timeline", nullptr, ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings);
-  const Timeline ticks = this->Checked ? this->Checked->Ticks : Timeline();
+  const Timeline ticks = this->KnownTicks;
   const int last = ticks.First + std::max(1, ticks.Count) - 1;
   this->Tick = std::min(last, std::max(ticks.First, this->Tick));
   const bool many = ticks.Count > 1;

@@ -229,6 +229,8 @@ private:
   ViewTarget A, B;
   std::vector<ViewTarget> Lost; ///< what was shown until its node went: when it comes back, it is shown again
   std::shared_ptr<const PipelineDocument> LastDocument;
+  /// What was shown of documents that undo can bring back, and when.
+  std::map<std::weak_ptr<const PipelineDocument>, ViewTarget, std::owner_less<>> ShownOf;
   SourceB BFrom = SourceB::Reference;
   CompareMode Compared = CompareMode::Off;
   bool FlipShowsB = false;
@@ -243,6 +245,7 @@ private:
   std::shared_ptr<const PipelineDocument> SetB;
   std::unique_ptr<RenderSession> SessionB;
   std::shared_ptr<const ViewFrame> ShownB, GoodB;
+  Timeline KnownTicks; ///< of the pipeline; while a mistake keeps them from being known, those before the mistake
   int Tick = 0;
   bool Playing = false, Looping = true, Paused = false;
   bool Refine = false;

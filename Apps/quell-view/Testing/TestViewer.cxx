@@ -1031,6 +1031,58 @@ TEST_F(Viewing, AfterADeletionItsInputIsShownUntilItComesBack)
   EXPECT_EQ(this->View->Target().Node, "modulate");
 }
 
+TEST_F(Viewing, UndoOfANameShowsWhatWasShown)
+{
+  this->Start(1300, 900, 1, Small());
+  ASSERT_TRUE(this->View->Open("quick.xml"));
+  this->Do("wait\nclick node/blur double\nwait\n");
+  this->Do("click node/blur\nwait\n");
+  ASSERT_EQ(this->View->Target().Node, "blur");
+  this->Do("key F2\nframes 2\nkey a ctrl\ntype zed\nkey Return\nwait\n");
+  ASSERT_TRUE(this->View->Document().FindNode("", "zed"));
+  EXPECT_EQ(this->View->Target().Node, "zed");
+  this->Do("key Delete\nwait\n");
+  EXPECT_FALSE(this->View->Document().FindNode("", "zed"));
+  this->Do("key z ctrl\nwait\n");
+  EXPECT_EQ(this->View->Target().Node, "zed");
+  this->Do("key z ctrl\nwait\n");
+  EXPECT_EQ(this->View->Target().Node, "blur");
+  this->Do("key y ctrl\nwait\n");
+  EXPECT_EQ(this->View->Target().Node, "zed");
+  this->Do("key z ctrl\nwait\n");
+  EXPECT_EQ(this->View->Target().Node, "blur");
+  // Into a template and out of it.
+  this->Do("click node/blur\nkey g ctrl\nframes 2\nclick template/make\nwait\n");
+  ASSERT_FALSE(this->View->Document().FindNode("", "blur"));
+  EXPECT_NE(this->View->Target().Node, "blur");
+  this->Do("key z ctrl\nwait\n");
+  EXPECT_EQ(this->View->Target().Node, "blur");
+}
+
+TEST_F(Viewing, AMistakeKeepsThePlaceInTime)
+{
+  Viewer::Options o = Small();
+  o.Frame = 3;
+  this->Start(1300, 900, 1, o);
+  ASSERT_TRUE(this->View->Open("svgf.xml"));
+  this->Do("wait\n");
+  ASSERT_EQ(this->View->Frame()->Tick, 3);
+  this->View->Document().SetVariable("frames", "0");
+  this->Do("wait\n");
+  EXPECT_NE(this->View->ErrorText(), "");
+  this->Do("move image\nkey z ctrl\nwait\n");
+  EXPECT_EQ(this->View->ErrorText(), "");
+  EXPECT_EQ(this->View->Frame()->Tick, 3);
+  this->View->Document().SetProperty("", "pt", "Width", "$(nope)");
+  this->Do("wait\nkey Right\nwait\nkey z ctrl\nwait\n");
+  EXPECT_EQ(this->View->ErrorText(), "");
+  EXPECT_EQ(this->View->Frame()->Tick, 4) << "the way through time is the same";
+  // Fewer frames are no mistake.
+  this->View->Document().SetVariable("frames", "2");
+  this->Do("wait\n");
+  EXPECT_EQ(this->View->Frame()->Tick, 1);
+}
+
 TEST_F(Viewing, WithoutAnOutputTheLastNodeIsShownAndOneLineSaysSo)
 {
   std::ofstream("no-output.xml") << "<pipeline version=\"1\">\n  <node id=\"pt\" type=\"PathTraceSource\">"
