@@ -433,7 +433,7 @@ const std::vector<HelpSection>& HelpSections()
         { "Shift+P", "swap set A and set B" } } },
     { 0, "Time",
       { { "Space", "play and stop" }, { "Left  Right", "step" }, { "Home  End", "first and last frame" },
-        { "Esc", "stop what runs" }, { "R", "go on" } } },
+        { "Esc", "stop what runs" }, { "R", "run it again" } } },
     { 1, "Graph",
       { { "click a node", "select it and show its picture" }, { "click an output", "show that array" },
         { "drag from a pin", "connect; what does not fit says why" }, { "drop a link on nothing", "nodes that fit" },

@@ -950,7 +950,7 @@ void Viewer::Shortcuts()
         this->SessionB->Cancel();
       }
       this->Paused = false;
-      this->Tell("stopped; change something or press R to go on");
+      this->Tell("stopped; change something or press R to run it again");
     }
   }
   if (this->DialogOpen || this->AskUnsaved || this->AskChanged)
