@@ -50,39 +50,44 @@ public:
   }
   void NewFrame()
   {
-    this->Done.clear();
-    this->Weights.clear();
+    this->Nodes.clear();
+    this->All = this->Done = 0;
     for (const NodeCounters& c : this->Executor.Counters())
     {
-      this->Weights[c.Path] = c.Counters.Seconds;
+      this->Nodes[c.Path].Weight = c.Counters.Seconds;
+      this->All += c.Counters.Seconds;
     }
-    double sum = 0;
-    for (const auto& w : this->Weights)
+    if (this->All > 0)
     {
-      sum += w.second;
+      return;
     }
-    for (auto& w : this->Weights)
+    for (auto& n : this->Nodes)
     {
-      const vtkQuellStage* stage = this->Executor.GetStage(w.first);
-      w.second = sum > 0 ? w.second : stage ? stage->CostPerPixel() : 1.;
+      const vtkQuellStage* stage = this->Executor.GetStage(n.first);
+      n.second.Weight = stage ? stage->CostPerPixel() : 1.;
+      this->All += n.second.Weight;
     }
   }
   double Update(const std::string& node, double fraction)
   {
-    this->Done[node] = fraction;
-    double sum = 0, all = 0;
-    for (const auto& w : this->Weights)
+    const auto n = this->Nodes.find(node);
+    if (n != this->Nodes.end())
     {
-      all += w.second;
-      const auto d = this->Done.find(w.first);
-      sum += w.second * (d == this->Done.end() ? 0. : d->second);
+      // The difference alone: every node says several times a frame how far it is.
+      this->Done += n->second.Weight * (fraction - n->second.Done);
+      n->second.Done = fraction;
     }
-    return all > 0 ? sum / all : 0.;
+    return this->All > 0 ? std::min(1., std::max(0., this->Done / this->All)) : 0.;
   }
 
 private:
+  struct Part
+  {
+    double Weight = 0, Done = 0;
+  };
   const PipelineExecutor& Executor;
-  std::map<std::string, double> Done, Weights;
+  std::map<std::string, Part> Nodes;
+  double All = 0, Done = 0; ///< of the weights
 };
 
 /// What a file needs to say where it came from. `pipeline` alone makes the same run again; the rest is for people and

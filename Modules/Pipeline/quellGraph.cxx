@@ -106,7 +106,7 @@ const std::size_t MaximumNodes = 5000;
 // Templates multiply what a file says. Every step of the expansion is charged about what it costs in time and memory;
 // at a nanosecond and a byte each this is far more than a pipeline of MaximumNodes needs.
 const std::size_t MaximumWork = 100000000;
-const std::size_t StepWork = 256, ConnectionWork = 1024;
+const std::size_t StepWork = 256, ConnectionWork = 1024, ArrayWork = 512;
 const std::size_t MaximumHintWork = 50000000; // of comparing misspelt names with all that there are
 
 /// An expanded value and the directory that relative paths in it are seen from.
@@ -354,7 +354,7 @@ private:
     this->Work += work;
     if (this->Work > MaximumWork)
     {
-      this->Overfill(place, who, "templates and variables expand to more than this program takes");
+      this->Overfill(place, who, "the pipeline expands to more than this program takes");
     }
     return !this->Overfull;
   }
@@ -2200,7 +2200,7 @@ private:
     else
     {
       const Available& before = this->Availables[input->Producer];
-      if (this->Spend(ConnectionWork * before.Arrays.size(), node.Place, this->Items[std::size_t(n)].About))
+      if (this->Spend(ArrayWork * before.Arrays.size(), node.Place, this->Items[std::size_t(n)].About))
       {
         add(before.Arrays);
       }

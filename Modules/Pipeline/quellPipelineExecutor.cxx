@@ -116,6 +116,16 @@ PipelineExecutor::~PipelineExecutor()
       stage->GetExecutive()->RemoveObserver(this->Watch->Command);
     }
   }
+  // With each reference to a stage that is dropped VTK looks for cycles in all that leads to it, which takes time with
+  // the square of the nodes. From the sources down nothing leads to a stage any more when it is dropped.
+  for (int n : this->Plan->Order)
+  {
+    vtkQuellStage* stage = this->Stages[std::size_t(n)];
+    for (int port = 0; stage && port < stage->GetNumberOfInputPorts(); ++port)
+    {
+      stage->SetInputConnection(port, nullptr);
+    }
+  }
 }
 
 std::string PipelineExecutor::Title(int node) const

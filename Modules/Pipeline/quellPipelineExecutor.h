@@ -115,7 +115,7 @@ public:
   /// Whether the region lies in every output's frame; a sentence otherwise.
   bool CheckRegion(std::string& error);
 
-  /// Null for nodes that are not live.
+  /// Null for nodes that are not live. Who holds a stage longer than its executor has it without connections.
   vtkQuellStage* GetStage(const std::string& node) const;
   /// What the node had on the last tick that ran; null when not live.
   vtkImageData* GetImage(const std::string& node) const;

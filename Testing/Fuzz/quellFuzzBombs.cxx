@@ -37,7 +37,7 @@ std::string Pipeline(const std::string& body)
 const char* const Source =
   "<node id=\"pt\" type=\"ImageReader\"><property name=\"File\" value=\"../Images/noisy.exr\"/></node>";
 const char* const Pass = "<template name=\"pass\"><port name=\"in\"/><port name=\"out\" from=\"@in\"/></template>";
-const char* const TooLarge = "templates and variables expand to more than this program takes";
+const char* const TooLarge = "the pipeline expands to more than this program takes";
 }
 
 std::vector<FuzzBomb> FuzzBombs()

@@ -230,8 +230,8 @@ TEST(EveryDiagnostic, Expansion)
     many += "\n<instance id=\"a" + std::to_string(i) + "\" template=\"p\">" +
             Repeat("<input port=\"in\" from=\"" + (i ? "a" + std::to_string(i - 1) : "pt") + "\"/>", 2) + "</instance>";
   const std::string expanded = Messages(many);
-  EXPECT_EQ(firstLine(expanded), "p.xml:5:49: error: instance \"a2\" (template \"p\"): input \"in\": templates and "
-                                 "variables expand to more than this program takes");
+  EXPECT_EQ(firstLine(expanded), "p.xml:5:49: error: instance \"a2\" (template \"p\"): input \"in\": the pipeline "
+                                 "expands to more than this program takes");
   std::string ring;
   for (int i = 0; i < 50; ++i)
     ring += "<node id=\"n" + std::to_string(i) + "\" type=\"TestBox\"><input port=\"radiance\" from=\"n" +
