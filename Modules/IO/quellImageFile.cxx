@@ -428,9 +428,16 @@ struct Target
   int Components = 0;
 };
 
+void ThrowIf(const std::function<bool()>& cancelled)
+{
+  if (cancelled && cancelled())
+    throw StageError("cancelled");
+}
+
 /// Reads channels [lo, hi) of all rows in `rows` (file raster), a block at a time, and hands each block over.
 void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, const Rect& wanted, int lo, int hi,
-  OIIO::TypeDesc type, const std::function<void(const void*, const Rect&)>& give)
+  OIIO::TypeDesc type, const std::function<bool()>& cancelled,
+  const std::function<void(const void*, const Rect&)>& give)
 {
   const OIIO::ImageSpec& spec = part.Spec;
   const bool tiled = spec.tile_width > 0;
@@ -461,6 +468,7 @@ void ReadBlocks(const std::string& path, OpenFile& file, const OpenPart& part, c
   std::vector<unsigned char> buffer(size_t(row) * size_t(std::min(step, spec.y + spec.height - block.y0)));
   for (int y = block.y0; y < wanted.y1; y += step)
   {
+    ThrowIf(cancelled);
     const Rect now{ block.x0, y, block.x1, std::min(y + step, spec.y + spec.height) };
     const bool ok =
       tiled
@@ -538,7 +546,7 @@ void ReadArrays(const std::string& path, OpenFile& file, const ReadOptions& opti
     {
       const bool isFloat = r == 0 && !floats.empty();
       const int lo = runs[r].first, n = runs[r].second - lo;
-      ReadBlocks(path, file, part, inside, lo, lo + n, isFloat ? OIIO::TypeFloat : OIIO::TypeUInt32,
+      ReadBlocks(path, file, part, inside, lo, lo + n, isFloat ? OIIO::TypeFloat : OIIO::TypeUInt32, options.Cancelled,
         [&](const void* block, const Rect& at)
         {
           const Rect copy = at.clipped(inside);
@@ -1279,6 +1287,7 @@ void ImageFileWriter::Write(const Rect& band, vtkImageData* image, const std::ve
       std::vector<float> buffer(row * std::min(step, band.height()));
       for (int top = band.y1; top > band.y0; top -= step)
       {
+        ThrowIf(in.Options.Cancelled);
         const int count = std::min(step, top - band.y0), first = in.Spec.y + in.Region.y1 - top;
         for (int i = 0; i < count; ++i)
           in.Exr() ? in.FillExr(ready, top - 1 - i, buffer.data() + row * i)

@@ -10,6 +10,7 @@
 #include "vtkQuellStage.h"
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -63,6 +64,7 @@ struct ReadOptions
   /// Where an asked array's values go, over the region, instead of into memory of its own; at least as many floats as
   /// it has there.
   std::map<std::string, float*> Into;
+  std::function<bool()> Cancelled; ///< asked every few rows; true ends with StageError("cancelled")
 };
 
 /// The arrays of a file, without reading pixels.
@@ -101,6 +103,7 @@ struct WriteOptions
   Rect Region;                                 ///< data window; empty: the image's extent
   FileCompression Compression = FileCompression::Zip;
   bool Half = false; ///< colours and scalars as half; ids, depth, position, motion stay float
+  std::function<bool()> Cancelled; ///< asked every few rows; true ends with StageError("cancelled")
 };
 
 struct WriteReport

@@ -153,6 +153,7 @@ void vtkQuellImageReader::Execute(quell::StageFrame& frame)
   quell::ReadOptions options = OptionsOf(this);
   options.Arrays = frame.WantedArrays();
   options.Region = frame.Region();
+  options.Cancelled = [this] { return this->IsCancelled(); };
   if (options.Region.empty() || options.Arrays.empty())
     return;
   const std::string path = quell::SequenceFile(this->File, frame.Tick());

@@ -177,6 +177,7 @@ void vtkQuellImageWriter::Execute(quell::StageFrame& frame)
   options.Region = bands ? this->BandRegion : frame.Region();
   options.Compression = quell::FileCompression(this->Compression);
   options.Half = this->Half;
+  options.Cancelled = [this] { return this->IsCancelled(); };
   const std::string path = quell::SequencePath(this->File, frame.Tick());
   if (bands)
   {

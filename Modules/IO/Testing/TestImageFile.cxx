@@ -451,6 +451,31 @@ TEST(ImageFile, AppearsWholeOrNotAtAll)
   EXPECT_EQ(FileText(dir / "a.exr"), FileText(dir / "b.exr"));
 }
 
+TEST(ImageFile, CancelledAfterSomeRowsLeavesTheOldFile)
+{
+  TemporaryDirectory dir;
+  auto image = NewImage({ 0, 0, 3, 1000 });
+  AddArray(image, "radiance", 3, &WildValue);
+  WriteOptions writing;
+  int asked = 0;
+  writing.Cancelled = [&asked] { return ++asked == 3; };
+  EXPECT_EQ(ErrorOf([&] { WriteImageFile(dir / "a.exr", image, {}, writing); }), "cancelled");
+  EXPECT_EQ(asked, 3);
+  EXPECT_EQ(dir.List(), std::vector<std::string>());
+  WriteImageFile(dir / "a.exr", image);
+  const std::string whole = FileText(dir / "a.exr");
+  asked = 0;
+  EXPECT_EQ(ErrorOf([&] { WriteImageFile(dir / "a.exr", image, {}, writing); }), "cancelled");
+  EXPECT_EQ(FileText(dir / "a.exr"), whole);
+  EXPECT_EQ(dir.List(), std::vector<std::string>{ "a.exr" });
+
+  ReadOptions reading;
+  asked = 0;
+  reading.Cancelled = writing.Cancelled;
+  EXPECT_EQ(ErrorOf([&] { ReadImageFile(dir / "a.exr", nullptr, reading); }), "cancelled");
+  EXPECT_EQ(asked, 3);
+}
+
 TEST(ImageFile, SequenceNames)
 {
   EXPECT_EQ(SequencePath("a/b.####.exr", 7), "a/b.0007.exr");
