@@ -87,15 +87,22 @@ bool IsExr(const std::string& file)
   return stream.read(head, sizeof head) && std::memcmp(head, magic, sizeof head) == 0;
 }
 
-/// `inputs` of an image: lines of hash and file name.
-void WarnOfChangedInputs(const std::string& file, const std::string& inputs, const Graph& graph)
+/// What an image that a run wrote says of what it was made from.
+struct ImageOrigin
 {
-  if (inputs.empty())
+  std::string Inputs; ///< lines of hash and file name
+  int Tick = 0;
+};
+
+void WarnOfChangedInputs(const std::string& file, const ImageOrigin& origin, const Graph& graph)
+{
+  if (origin.Inputs.empty())
   {
     return;
   }
-  const std::map<std::string, std::string> now = InputHashes(graph);
-  std::istringstream lines(inputs);
+  std::map<std::string, std::string> now = InputHashes(graph);
+  now.merge(SequenceHashes(graph, origin.Tick));
+  std::istringstream lines(origin.Inputs);
   std::string hash, name;
   while (lines >> hash && std::getline(lines >> std::ws, name))
   {
@@ -237,7 +244,12 @@ GraphOptions GraphOptionsOf(const PipelineArguments& a)
 static bool MayBeOneFile(const std::string& a, const std::string& b, int first, int end)
 {
   const auto normal = [](const std::string& path)
-  { return std::filesystem::weakly_canonical(std::filesystem::absolute(path)).string(); };
+  {
+    std::error_code code;
+    const std::filesystem::path absolute = std::filesystem::absolute(path, code);
+    const std::filesystem::path real = std::filesystem::weakly_canonical(absolute, code);
+    return code ? absolute.lexically_normal().string() : real.string();
+  };
   const std::string x = normal(a), y = normal(b);
   const auto isPattern = [](const std::string& path)
   { return std::filesystem::path(path).filename().string().find('#') != std::string::npos; };
@@ -331,7 +343,7 @@ bool PrepareRun(const PipelineArguments& a, PreparedRun& run)
 
 /// The document of a pipeline file, or of an image that a run wrote, and what the image says of its inputs.
 static std::shared_ptr<const PipelineDocument> ReadPipelineOrImage(
-  const std::string& file, Diagnostics& messages, std::string& inputs)
+  const std::string& file, Diagnostics& messages, ImageOrigin& origin)
 {
   if (!IsExr(file))
   {
@@ -340,7 +352,9 @@ static std::shared_ptr<const PipelineDocument> ReadPipelineOrImage(
   std::map<std::string, std::string> metadata;
   try
   {
-    metadata = ReadImageHeader(file).Metadata;
+    const ReadReport header = ReadImageHeader(file);
+    metadata = header.Metadata;
+    origin.Tick = header.Facts.Tick;
   }
   catch (const StageError& e)
   {
@@ -352,7 +366,7 @@ static std::shared_ptr<const PipelineDocument> ReadPipelineOrImage(
                      ": no pipeline is in this image; those that quell run writes have it, unless another program "
                      "wrote them anew");
   }
-  inputs = metadata["inputs"];
+  origin.Inputs = metadata["inputs"];
   // Lines and columns of messages are those of the text that quell inspect prints.
   return ReadPipelineText(metadata["pipeline"], file, messages);
 }
@@ -360,8 +374,8 @@ static std::shared_ptr<const PipelineDocument> ReadPipelineOrImage(
 std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphOptions& options, int& errors)
 {
   Diagnostics messages;
-  std::string inputs;
-  const auto document = ReadPipelineOrImage(file, messages, inputs);
+  ImageOrigin origin;
+  const auto document = ReadPipelineOrImage(file, messages, origin);
   std::shared_ptr<Graph> graph;
   // After broken XML or a newer version everything else would be guesswork.
   if (document->Place.Line > 0)
@@ -372,7 +386,7 @@ std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphO
   graph = messages.HasErrors() ? nullptr : graph;
   if (graph)
   {
-    WarnOfChangedInputs(file, inputs, *graph);
+    WarnOfChangedInputs(file, origin, *graph);
   }
   Print(messages);
   errors = messages.ErrorCount();
@@ -382,8 +396,8 @@ std::shared_ptr<Graph> LoadPipelineOrImage(const std::string& file, const GraphO
 std::shared_ptr<const PipelineDocument> ReadDocument(const std::string& file)
 {
   Diagnostics messages;
-  std::string inputs;
-  const auto document = ReadPipelineOrImage(file, messages, inputs);
+  ImageOrigin origin;
+  const auto document = ReadPipelineOrImage(file, messages, origin);
   messages.Sort();
   Print(messages);
   return messages.HasErrors() ? nullptr : document;

@@ -3,11 +3,13 @@
 #include "quellCommands.h"
 #include "quellExplain.h"
 #include "quellImageFile.h"
+#include "quellImageGuard.h"
 #include "quellInterrupt.h"
 #include "quellPipelineWriter.h"
 #include "quellProgressLine.h"
 #include "quellProvenance.h"
 #include "quellSimd.h"
+#include "quellTemporaryName.h"
 
 #include <nlohmann/json.hpp>
 
@@ -21,7 +23,7 @@
 #include <limits>
 #include <map>
 #include <set>
-#include <unistd.h>
+#include <sstream>
 
 namespace quell
 {
@@ -90,6 +92,26 @@ private:
   double All = 0, Done = 0; ///< of the weights
 };
 
+std::string Enumerated(const std::vector<std::string>& names)
+{
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i)
+  {
+    text += (i == 0 ? "" : i + 1 == names.size() ? " and " : ", ") + names[i];
+  }
+  return text;
+}
+
+std::string LinesOf(const std::map<std::string, std::string>& hashes)
+{
+  std::string lines;
+  for (const auto& input : hashes)
+  {
+    lines += input.second + " " + input.first + "\n";
+  }
+  return lines;
+}
+
 /// What a file needs to say where it came from. `pipeline` alone makes the same run again; the rest is for people and
 /// checks.
 std::map<std::string, std::string> Provenance(const PreparedRun& run)
@@ -101,9 +123,9 @@ std::map<std::string, std::string> Provenance(const PreparedRun& run)
   m["pipelineHash"] = HashHex(m["pipeline"]);
   m["version"] = QUELL_VERSION;
   m["instructions"] = SimdTargetName();
-  for (const auto& input : InputHashes(*run.Pipeline))
+  if (const std::string inputs = LinesOf(InputHashes(*run.Pipeline)); !inputs.empty())
   {
-    m["inputs"] += input.second + " " + input.first + "\n";
+    m["inputs"] = inputs;
   }
   m["frames"] = std::to_string(run.First) + ":" + std::to_string(run.End - 1);
   if (run.Region)
@@ -117,6 +139,18 @@ std::map<std::string, std::string> Provenance(const PreparedRun& run)
   return m;
 }
 
+/// The same of one frame: its own file of every sequence that is read.
+std::map<std::string, std::string> ProvenanceOf(
+  const std::map<std::string, std::string>& run, const std::map<std::string, std::string>& sequences)
+{
+  std::map<std::string, std::string> m = run;
+  if (!sequences.empty())
+  {
+    m["inputs"] += LinesOf(sequences);
+  }
+  return m;
+}
+
 /// Where a run starts, and which frames it need not make.
 struct Progress
 {
@@ -125,9 +159,85 @@ struct Progress
   std::optional<int> Unfinished; ///< has samples of an earlier run
 };
 
-/// Frames without history are finished when their files are there and of this very pipeline.
-void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std::string>& metadata, Progress& progress)
+/// The first file that one of the two has with another hash.
+std::string ChangedInput(
+  const std::map<std::string, std::string>& theirs, const std::map<std::string, std::string>& ours)
 {
+  const auto linesOf = [](const std::map<std::string, std::string>& m)
+  {
+    std::set<std::string> lines;
+    const auto found = m.find("inputs");
+    std::istringstream text(found == m.end() ? std::string() : found->second);
+    for (std::string line; std::getline(text, line);)
+    {
+      lines.insert(line);
+    }
+    return lines;
+  };
+  const std::set<std::string> a = linesOf(theirs), b = linesOf(ours);
+  for (const auto* lines : { &b, &a })
+  {
+    for (const std::string& line : *lines)
+    {
+      if (!(a.count(line) && b.count(line)) && line.find(' ') != std::string::npos)
+      {
+        return "the input file " + OneLine(line.substr(line.find(' ') + 1));
+      }
+    }
+  }
+  return "the input files";
+}
+
+/// A file is written from the top down under another name: with its last row all of it is there, unless something
+/// happened to it later.
+bool IsWhole(const std::string& file, const ReadReport& header)
+{
+  try
+  {
+    ReadOptions last;
+    last.Region = header.DataWindow.clipped({ 0, 0, header.Width, header.Height });
+    last.Region.y1 = std::min(last.Region.y1, last.Region.y0 + 1);
+    if (!header.Arrays.empty())
+    {
+      last.Arrays = { header.Arrays.back().Name };
+    }
+    ReadImageFile(file, nullptr, last);
+    return true;
+  }
+  catch (const StageError&)
+  {
+    return false;
+  }
+}
+
+/// Files of the frames [first, end) that outputs should have and have not, at most a few.
+std::vector<std::string> MissingFiles(const PreparedRun& run, int first, int end, std::size_t most)
+{
+  std::vector<std::string> missing;
+  for (int tick = std::max(first, run.First); tick < end && missing.size() < most; ++tick)
+  {
+    for (const PipelineExecutor::Target& t : run.Executor->Targets())
+    {
+      const vtkQuellStage* stage = run.Executor->GetStage(run.Pipeline->Nodes[std::size_t(t.Node)].Path);
+      if (!stage->GetDescription().FindProperty("File") || (t.LastOnly && tick + 1 < run.End))
+      {
+        continue;
+      }
+      const std::string pattern = stage->GetPropertyText("File"), file = SequencePath(pattern, tick);
+      std::error_code code;
+      if (file != pattern && !std::filesystem::exists(file, code))
+      {
+        missing.push_back(file);
+      }
+    }
+  }
+  return missing;
+}
+
+/// Frames without history are finished when their files are there and of this very pipeline.
+void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std::string>& ofRun, Progress& progress)
+{
+  bool otherInstructions = false;
   const PipelineExecutor& executor = *run.Executor;
   const Graph& graph = *run.Pipeline;
   for (const PipelineExecutor::Target& t : executor.Targets())
@@ -145,6 +255,7 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
   for (int tick = run.First; tick < run.End; ++tick)
   {
     bool done = true;
+    std::map<std::string, std::string> metadata;
     for (const PipelineExecutor::Target& t : executor.Targets())
     {
       const vtkQuellStage* stage = executor.GetStage(graph.Nodes[std::size_t(t.Node)].Path);
@@ -159,7 +270,9 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
       std::map<std::string, std::string> theirs;
       try
       {
-        theirs = done ? ReadImageHeader(file).Metadata : theirs;
+        const ReadReport header = done ? ReadImageHeader(file) : ReadReport();
+        done = done && IsWhole(file, header);
+        theirs = header.Metadata;
       }
       catch (const StageError&)
       {
@@ -171,15 +284,20 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
         const auto found = m.find(key);
         return found == m.end() ? std::string() : found->second;
       };
+      if (done && metadata.empty())
+      {
+        metadata = ProvenanceOf(ofRun, SequenceHashes(graph, tick));
+      }
       if (done && theirs.count("pipelineHash"))
       {
+        otherInstructions = otherInstructions || value(theirs, "instructions") != value(metadata, "instructions");
         for (const char* key : { "pipelineHash", "inputs", "region", "version" })
         {
           if (value(theirs, key) != value(metadata, key))
           {
             throw UsageError("--resume: " + file + " was made by another " +
                              (std::strcmp(key, "pipelineHash") == 0 ? "pipeline or other options"
-                               : std::strcmp(key, "inputs") == 0    ? "state of the input files"
+                               : std::strcmp(key, "inputs") == 0    ? "state of " + ChangedInput(theirs, metadata)
                                : std::strcmp(key, "region") == 0    ? "region"
                                                                     : "version of this program") +
                              "; nothing was executed");
@@ -195,6 +313,13 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
     {
       progress.Done.insert(tick);
     }
+  }
+  if (otherInstructions)
+  {
+    std::fprintf(stderr,
+      "quell: warning: --resume: frames that are there were made with another instruction set than %s; the others may "
+      "differ in the last digits\n",
+      SimdTargetName());
   }
   if (progress.Done.empty() && progress.Unfinished != run.First)
   {
@@ -228,8 +353,7 @@ public:
   /// Before it is overwritten: somebody may have forgotten --resume.
   void MentionOld() const
   {
-    std::error_code code;
-    if (std::filesystem::exists(this->File, code))
+    if (IsCheckpoint(this->File))
     {
       std::fprintf(stderr,
         "quell: %s of a run that was not completed is there; starting from frame %d, --resume would go on\n",
@@ -244,8 +368,9 @@ public:
     std::error_code code;
     return std::filesystem::exists(this->File, code);
   }
-  /// Where to start; throws UsageError when there is a checkpoint that is not of this run.
-  int Resume()
+  /// Where to start (the end: nothing is left to do); throws UsageError when there is a checkpoint that is not of this
+  /// run.
+  int Resume(const std::map<std::string, std::string>& metadata)
   {
     std::error_code code;
     if (!std::filesystem::exists(this->File, code))
@@ -256,9 +381,19 @@ public:
     }
     const Checkpoint checkpoint = this->Read();
     // Without a whole frame there may still be samples of the first one.
-    const bool samplesOnly = checkpoint.Tick + 1 == this->Start && !checkpoint.Work.empty();
+    const bool samplesOnly = checkpoint.Tick == this->Start - 1 && !checkpoint.Work.empty();
     if ((checkpoint.Tick < this->Start && !samplesOnly) || checkpoint.Tick + 1 >= this->Run.End)
     {
+      // Killed between the last frame and the end of the run.
+      Progress all;
+      if (checkpoint.Tick + 1 == this->Run.End)
+      {
+        SkipFinishedFrames(this->Run, metadata, all);
+      }
+      if (int(all.Done.size()) == this->Run.End - this->Run.First)
+      {
+        return this->Run.End; // the checkpoint stays: a longer run may go on from it
+      }
       throw UsageError("--resume: checkpoint " + this->File + " is of frame " + std::to_string(checkpoint.Tick) +
                        ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" +
                        std::to_string(this->Run.End - 1) + " to be made; nothing was executed");
@@ -275,6 +410,14 @@ public:
     }
     this->Saved = this->Finished = checkpoint.Tick;
     this->Any = true;
+    const std::vector<std::string> missing = MissingFiles(this->Run, this->Run.First, this->Saved + 1, 3);
+    if (!missing.empty())
+    {
+      std::fprintf(stderr,
+        "quell: warning: --resume: %s%s not there and not made again: a history goes on after the last frame; a run "
+        "without --resume makes all\n",
+        Enumerated(missing).c_str(), missing.size() > 1 ? " are" : " is");
+    }
     std::fprintf(stderr, "quell: --resume: going on after frame %d, from %s\n", this->Saved, this->File.c_str());
     return this->Saved + 1;
   }
@@ -306,16 +449,16 @@ public:
     this->Work.clear();
   }
 
-  /// After a whole frame. Writing may take a tenth of the time: small frames are not slowed down, and a run that stops
-  /// by itself writes in End().
-  void FrameDone(int tick)
+  /// `sequences`: what was read of sequences for it. Writing may take a tenth of the time: small frames are not slowed
+  /// down, and a run that stops by itself writes in End().
+  void FrameDone(int tick, const std::map<std::string, std::string>& sequences)
   {
+    this->AddInputs(sequences);
     this->Finished = tick;
     this->Any = true;
     if (!this->On && this->Loaded && tick == this->WorkTick)
     {
-      std::error_code code;
-      std::filesystem::remove(this->File, code); // this frame is whole now
+      this->Remove(); // this frame is whole now
     }
     if (this->On && SecondsSince(this->LastWrite) >= 10 * this->Cost)
     {
@@ -332,10 +475,9 @@ public:
 
   void End(bool complete)
   {
-    std::error_code code;
     if (complete)
     {
-      std::filesystem::remove(this->File, code);
+      this->Remove();
       return;
     }
     if (!this->Work.empty())
@@ -361,8 +503,28 @@ private:
   RunIdentity IdentityOfRun() const
   {
     // Frames without history are the same wherever a run starts.
-    return IdentityOf(
+    RunIdentity id = IdentityOf(
       *this->Run.Executor, this->Run.Region, this->Run.Executor->HasDelays() ? this->Start : 0, QUELL_VERSION);
+    id[InstructionSet] = SimdTargetName();
+    return id;
+  }
+
+  /// The history of a frame is of all files that were read up to it.
+  void AddInputs(const std::map<std::string, std::string>& hashes)
+  {
+    for (const auto& h : hashes)
+    {
+      this->Inputs["the contents of " + h.first + ":"] = h.second;
+    }
+  }
+
+  void Remove() const
+  {
+    std::error_code code;
+    if (IsCheckpoint(this->File))
+    {
+      std::filesystem::remove(this->File, code);
+    }
   }
 
   /// Throws UsageError when it is damaged or not of this run.
@@ -375,7 +537,25 @@ private:
       {
         this->Identity = this->IdentityOfRun();
       }
-      const std::string difference = DifferenceOf(checkpoint.Identity, this->Identity);
+      const Timeline& ticks = this->Run.Pipeline->Ticks;
+      const int end = std::max(this->Run.End, ticks.First + ticks.Count);
+      RunIdentity theirs = checkpoint.Identity, ours = this->Identity;
+      for (int tick = this->Start; this->On && tick <= checkpoint.Tick && tick < end; ++tick)
+      {
+        this->AddInputs(SequenceHashes(*this->Run.Pipeline, tick));
+      }
+      ours.insert(this->Inputs.begin(), this->Inputs.end());
+      // Another machine may have no choice.
+      if (theirs[InstructionSet] != ours[InstructionSet])
+      {
+        std::fprintf(stderr,
+          "quell: warning: --resume: the frames up to now were made with the instruction set %s, this run uses %s; "
+          "they "
+          "may differ in the last digits from those of one run\n",
+          OneLine(theirs[InstructionSet]).c_str(), SimdTargetName());
+      }
+      ours[InstructionSet] = theirs[InstructionSet];
+      const std::string difference = DifferenceOf(theirs, ours);
       if (!difference.empty())
       {
         throw UsageError(
@@ -411,6 +591,7 @@ private:
     }
     Checkpoint checkpoint;
     checkpoint.Identity = this->Identity;
+    checkpoint.Identity.insert(this->Inputs.begin(), this->Inputs.end());
     checkpoint.Tick = this->Any ? this->Finished : this->Start - 1;
     if (const FrameHistory::Frame* frame = this->Run.Executor->GetHistory().FindFrame(this->Finished))
     {
@@ -438,12 +619,13 @@ private:
     return good;
   }
 
+  static constexpr const char* InstructionSet = "the program: instruction set";
   static constexpr int NoTick = std::numeric_limits<int>::min();
   PreparedRun& Run;
   int Start;
   bool On = false, Any = false, Loaded = false;
   std::string File;
-  RunIdentity Identity;
+  RunIdentity Identity, Inputs; ///< Inputs: of the sequences that are read
   ProgressLine* Line = nullptr;
   int Finished = NoTick, Saved = NoTick;
   PipelineExecutor::Work Work; ///< read and not yet given to the executor, or to be written
@@ -451,16 +633,6 @@ private:
   Clock::time_point LastWrite = Clock::now();
   double Cost = 0;
 };
-
-std::string Enumerated(const std::vector<std::string>& names)
-{
-  std::string text;
-  for (std::size_t i = 0; i < names.size(); ++i)
-  {
-    text += (i == 0 ? "" : i + 1 == names.size() ? " and " : ", ") + names[i];
-  }
-  return text;
-}
 
 /// The names of what was written: a sequence by its pattern, a single frame by its name.
 std::vector<std::string> WrittenNames(
@@ -587,9 +759,7 @@ bool WriteStats(const std::string& file, const PreparedRun& run, const Times& ti
     }
   }
   // Whole or not at all, as frames are.
-  const std::filesystem::path path(file);
-  const std::string part =
-    (path.parent_path() / ("." + path.filename().string() + "." + std::to_string(getpid()) + ".part")).string();
+  const std::string part = TemporaryName(file);
   errno = 0;
   std::ofstream stream(part);
   stream << out.dump(2) << "\n";
@@ -659,7 +829,7 @@ int RunCommand(const RunArguments& arguments)
       std::printf("nothing to do: all %d frames are there\n", run.End - run.First);
       return ExitDone;
     }
-    resumed.Start = checkpoints.Resume();
+    resumed.Start = checkpoints.Resume(metadata);
   }
   else if (arguments.Resume)
   {
@@ -722,6 +892,11 @@ int RunCommand(const RunArguments& arguments)
                           : tick + 1 < run.End ? TickMode::Frame
                                                : TickMode::LastFrame;
     checkpoints.BeforeFrame(tick);
+    const std::map<std::string, std::string> sequences = SequenceHashes(*run.Pipeline, tick);
+    if (!sequences.empty())
+    {
+      executor.SetMetadata(ProvenanceOf(metadata, sequences));
+    }
     const TickResult result = executor.RunTick(tick, mode);
     for (const std::string& w : result.Warnings)
     {
@@ -767,7 +942,7 @@ int RunCommand(const RunArguments& arguments)
         times.FirstFrame[c.Path] = c.Counters;
       }
     }
-    checkpoints.FrameDone(tick);
+    checkpoints.FrameDone(tick, sequences);
     frameSeconds.push_back(SecondsSince(frameStart));
     line.FrameDone(tick, done, frameSeconds.back());
     if (token->IsFinishing() && done < ticks)

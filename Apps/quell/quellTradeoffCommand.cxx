@@ -4,6 +4,7 @@
 #include "quellInterrupt.h"
 #include "quellPipelineReader.h"
 #include "quellProgressLine.h"
+#include "quellTemporaryName.h"
 #include "quellTradeoff.h"
 #include "quellTradeoffReport.h"
 
@@ -47,7 +48,7 @@ double ParseBudget(const std::string& text)
 /// Whole or absent.
 void WriteFile(const fs::path& file, const std::string& content)
 {
-  const fs::path temporary = file.string() + ".part";
+  const fs::path temporary = TemporaryName(file.string());
   std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
   out << content;
   out.close();

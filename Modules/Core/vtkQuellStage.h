@@ -219,6 +219,9 @@ public:
   /// throws quell::StageError when they cannot be known (missing file).
   virtual std::vector<quell::OutputArray> ListDynamicOutputs() { return {}; }
 
+  /// Files that the frame of this tick is read from, besides those that a property names as they are.
+  virtual std::vector<std::string> ListSequenceFiles(int) const { return {}; }
+
   /// Pixels beyond the output region that `port` needs on every side.
   virtual int HaloFor(int port) const;
   /// Whether `port` is read at all when `asked` is wanted; a port that is not needed demands no array.

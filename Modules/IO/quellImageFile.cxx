@@ -4,6 +4,7 @@
 #include "quellAovNames.h"
 #include "quellImageGuard.h"
 #include "quellMemoryLimits.h"
+#include "quellTemporaryName.h"
 
 #include "vtkFieldData.h"
 #include "vtkFloatArray.h"
@@ -15,7 +16,6 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cctype>
 #include <cerrno>
 #include <charconv>
@@ -746,11 +746,7 @@ public:
   explicit TemporaryFile(const std::string& target)
     : Target(target)
   {
-    static std::atomic<unsigned> counter{ 0 };
-    const fs::path p(target);
-    this->Path = (p.parent_path() / ("." + p.filename().string() + "." + std::to_string(getpid()) + "-" +
-                                      std::to_string(counter++) + ".part"))
-                   .string();
+    this->Path = TemporaryName(target);
     // Made anew, so that no link that waits under this name is followed.
     this->File = open(this->Path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (this->File < 0)

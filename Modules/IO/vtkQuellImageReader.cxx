@@ -148,6 +148,12 @@ double vtkQuellImageReader::ScratchBytes(const quell::Rect&, const quell::Rect& 
   return quell::ReadBufferBytes(whole.width(), whole.height(), channels);
 }
 
+std::vector<std::string> vtkQuellImageReader::ListSequenceFiles(int tick) const
+{
+  const std::string path = quell::SequencePath(this->File, tick);
+  return path == this->File ? std::vector<std::string>() : std::vector<std::string>{ path };
+}
+
 void vtkQuellImageReader::Execute(quell::StageFrame& frame)
 {
   quell::ReadOptions options = OptionsOf(this);

@@ -41,6 +41,7 @@ public:
   ///@}
 
   std::vector<quell::OutputArray> ListDynamicOutputs() override;
+  std::vector<std::string> ListSequenceFiles(int tick) const override;
   double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
 
 protected:

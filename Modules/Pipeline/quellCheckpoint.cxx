@@ -5,6 +5,7 @@
 #include "quellPipelineReader.h"
 #include "quellProvenance.h"
 #include "quellStageDescription.h"
+#include "quellTemporaryName.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"
 #include "vtkFloatArray.h"
@@ -14,12 +15,10 @@
 #include "vtkPointData.h"
 #include "vtkStringArray.h"
 
-#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <unistd.h>
 
 namespace fs = std::filesystem;
 
@@ -154,11 +153,14 @@ class Reader
 {
 public:
   Reader(const std::string& file)
-    : Stream(file, std::ios::binary)
   {
     std::error_code code;
-    this->Left = fs::is_regular_file(file, code) ? fs::file_size(file, code) : 0;
-    if (!this->Stream || code)
+    if (fs::is_regular_file(file, code)) // opening a pipe would wait for ever
+    {
+      this->Stream.open(file, std::ios::binary);
+      this->Left = fs::file_size(file, code);
+    }
+    if (!this->Stream.is_open() || code)
     {
       throw StageError("cannot be opened for reading");
     }
@@ -298,11 +300,7 @@ struct TemporaryFile
 {
   explicit TemporaryFile(const std::string& target)
   {
-    static std::atomic<int> counter{ 0 };
-    const fs::path p(target);
-    this->Path = (p.parent_path() / ("." + p.filename().string() + "." + std::to_string(getpid()) + "-" +
-                                      std::to_string(counter++) + ".part"))
-                   .string();
+    this->Path = TemporaryName(target);
   }
   ~TemporaryFile()
   {
@@ -390,9 +388,24 @@ std::string DifferenceOf(const RunIdentity& before, const RunIdentity& now)
   return std::string();
 }
 
+bool IsCheckpoint(const std::string& file)
+{
+  std::error_code code;
+  if (!fs::is_regular_file(file, code))
+  {
+    return false;
+  }
+  char head[sizeof Magic] = {};
+  return std::ifstream(file, std::ios::binary).read(head, sizeof head) && std::memcmp(head, Magic, sizeof head) == 0;
+}
+
 void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
 {
   std::error_code code;
+  if (fs::exists(fs::symlink_status(file, code)) && !IsCheckpoint(file))
+  {
+    throw StageError("checkpoint " + file + ": what is there is no checkpoint, and is not written over");
+  }
   const std::string directory = DirectoryOf(file);
   if (!directory.empty())
   {

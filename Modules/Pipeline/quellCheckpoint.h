@@ -45,11 +45,15 @@ struct VTKQUELLPIPELINE_EXPORT Checkpoint
   PipelineExecutor::Work Work;
 };
 
-/// Writes under a temporary name beside `file` and renames. Throws StageError with the file's name and the reason.
+/// Writes under a temporary name beside `file` and renames; never over what is no checkpoint. Throws StageError with the
+/// file's name and the reason.
 VTKQUELLPIPELINE_EXPORT void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint);
 /// Throws StageError when the file is not a whole checkpoint. Every length is checked against the bytes that are left
 /// before anything of that size is allocated.
 VTKQUELLPIPELINE_EXPORT Checkpoint ReadCheckpoint(const std::string& file);
+
+/// A regular file that begins as one.
+VTKQUELLPIPELINE_EXPORT bool IsCheckpoint(const std::string& file);
 
 /// Gives the executor the history of the checkpoint (its work not). False (with a sentence) when what the next frame
 /// reads is not in it or has another size; then nothing is changed.

@@ -2,6 +2,7 @@
 #include "quellCostModel.h"
 
 #include "quellImageGuard.h"
+#include "quellTemporaryName.h"
 #include "vtkQuellStage.h"
 
 #include <nlohmann/json.hpp>
@@ -13,8 +14,6 @@
 #include <filesystem>
 #include <fstream>
 #include <thread>
-
-#include <unistd.h>
 
 namespace fs = std::filesystem;
 
@@ -155,7 +154,7 @@ void CostModel::Save(const std::string& file) const
       json["nanoseconds"][c.first] = c.second;
     }
   }
-  const std::string part = file + "." + std::to_string(getpid()) + ".part";
+  const std::string part = TemporaryName(file);
   std::ofstream stream(part);
   stream << json.dump(2) << "\n";
   stream.close();

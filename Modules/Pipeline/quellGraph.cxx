@@ -4,6 +4,7 @@
 #include "quellPipelineReader.h"
 
 #include <algorithm>
+#include <climits>
 #include <deque>
 #include <filesystem>
 #include <functional>
@@ -1242,6 +1243,16 @@ private:
   std::string OutputPath(const std::string& text, const SourceLocation& place, const std::string& name, const Who& who)
   {
     const std::string path = JoinPath(this->Options.OutputDirectory, text);
+    for (const fs::path& part : fs::path(path))
+    {
+      if (part.native().size() > NAME_MAX)
+      {
+        this->Error(place, who,
+          name + " = " + Quoted(text.substr(0, 40) + "...") + ": a name of " + std::to_string(part.native().size()) +
+            " bytes, more than the " + std::to_string(NAME_MAX) + " that a file's may have");
+        return std::string();
+      }
+    }
     std::string directory;
     if (this->Options.Outside == OutsideOutputs::Allowed || IsCommandLine(place) ||
         IsInside(this->Options.OutputDirectory, path, directory))

@@ -648,32 +648,55 @@ std::string HashHex(const std::string& bytes)
   return hash.Hex();
 }
 
+namespace
+{
+void AddFileHash(const std::string& file, std::map<std::string, std::string>& hashes)
+{
+  const std::string path = Absolute(file);
+  std::error_code code;
+  if (hashes.count(path) || !fs::is_regular_file(path, code))
+  {
+    return;
+  }
+  std::ifstream stream(path, std::ios::binary);
+  std::vector<char> buffer(1 << 20);
+  ContentHash hash;
+  while (stream.read(buffer.data(), std::streamsize(buffer.size())) || stream.gcount() > 0)
+  {
+    hash.Add(buffer.data(), std::size_t(stream.gcount()));
+  }
+  if (stream.eof())
+  {
+    hashes[path] = hash.Hex();
+  }
+}
+}
+
 std::map<std::string, std::string> InputHashes(const Graph& graph)
 {
   std::map<std::string, std::string> hashes;
-  std::vector<char> buffer(1 << 20);
   for (const GraphNode& n : graph.Nodes)
   {
     for (const GraphProperty& p : n.Properties)
     {
       const Property* property = n.Description().FindProperty(p.Name);
-      std::error_code code;
-      const std::string path = Absolute(p.Text);
-      if (!property || property->Kind != Property::Type::Path || p.Text.empty() || hashes.count(path) ||
-          !fs::is_regular_file(path, code))
+      if (property && property->Kind == Property::Type::Path && !p.Text.empty())
       {
-        continue;
+        AddFileHash(p.Text, hashes);
       }
-      std::ifstream stream(path, std::ios::binary);
-      ContentHash hash;
-      while (stream.read(buffer.data(), std::streamsize(buffer.size())) || stream.gcount() > 0)
-      {
-        hash.Add(buffer.data(), std::size_t(stream.gcount()));
-      }
-      if (stream.eof())
-      {
-        hashes[path] = hash.Hex();
-      }
+    }
+  }
+  return hashes;
+}
+
+std::map<std::string, std::string> SequenceHashes(const Graph& graph, int tick)
+{
+  std::map<std::string, std::string> hashes;
+  for (const GraphNode& n : graph.Nodes)
+  {
+    for (const std::string& file : n.Stage ? n.Stage->ListSequenceFiles(tick) : std::vector<std::string>())
+    {
+      AddFileHash(file, hashes);
     }
   }
   return hashes;

@@ -20,9 +20,12 @@ namespace quell
 VTKQUELLPIPELINE_EXPORT std::shared_ptr<PipelineDocument> SelfContained(
   const Graph& graph, const StageRegistry& registry, Diagnostics& diagnostics);
 
-/// Path properties of the nodes: absolute file name -> hash of its bytes (HashHex). Sequences (####) and what cannot be
-/// read are left out. Only the named files are hashed, not what they refer to.
+///@{
+/// Path properties of the nodes: absolute file name -> hash of its bytes (HashHex). What cannot be read is left out.
+/// Only the named files are hashed, not what they refer to. Of sequences (####): the files of one tick.
 VTKQUELLPIPELINE_EXPORT std::map<std::string, std::string> InputHashes(const Graph& graph);
+VTKQUELLPIPELINE_EXPORT std::map<std::string, std::string> SequenceHashes(const Graph& graph, int tick);
+///@}
 
 /// 64-bit hash of bytes, for telling files apart, not against forgery: FNV-1a over 64-bit little-endian words, the last
 /// one padded with zeros, then over the number of bytes. Feed it in pieces.

@@ -28,13 +28,18 @@ namespace
 {
 std::atomic<long> allocations{ 0 }, failing{ -1 };
 std::atomic<bool> armed{ false };
+}
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+namespace
+{
 bool Fails()
 {
   if (!armed.load(std::memory_order_relaxed))
     return false;
   return allocations.fetch_add(1) + 1 == failing.load(std::memory_order_relaxed);
 }
+
 void* Allocate(std::size_t size)
 {
   if (Fails())
@@ -54,7 +59,6 @@ void* Allocate(std::size_t size, std::align_val_t alignment)
 }
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 void* operator new(std::size_t size)
 {
   return Allocate(size);
