@@ -43,7 +43,15 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
       "Weight that frames before those computed may have had in the first one asked, default 0.001; 0 computes all "
       "frames")
     ->type_name("T")
-    ->check(CLI::Range(0., 1.));
+    ->check(CLI::Range(0., 1.))
+    ->check(CLI::Number & CLI::Validator(
+                            [](std::string& text)
+                            {
+                              double value = 0;
+                              std::string error;
+                              return quell::detail::ParseDouble(text, 0, 1, value, error) ? std::string() : error;
+                            },
+                            ""));
   app->add_option("--region", a.Region, "Part of the frame: pixels from the top left corner, half open")
     ->type_name("X0,Y0,X1,Y1");
   app->add_option("--output", a.Outputs, "Write an output, or any array as NODE:ARRAY, to a file")

@@ -2,14 +2,13 @@
 #include "quellCommands.h"
 #include "quellDiagnostic.h"
 #include "quellImageFile.h"
+#include "quellJsonText.h"
 #include "quellMetrics.h"
 #include "quellTemporalMetrics.h"
 
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -622,7 +621,7 @@ int CompareCommand(const CompareArguments& a)
   }
   if (a.Json)
   {
-    std::printf("%s\n", out.dump(2).c_str());
+    std::printf("%s\n", JsonText(out).c_str());
   }
   else
   {

@@ -2,12 +2,12 @@
 #include "quellCommands.h"
 #include "quellDiagnostic.h"
 #include "quellImageFile.h"
+#include "quellImageGuard.h"
+#include "quellJsonText.h"
 
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -289,7 +289,8 @@ int InspectCommand(const std::string& file, bool asJson)
     {
       std::snprintf(range, sizeof range, "%.6g to %.6g, mean %.6g", s.Minimum, s.Maximum, s.Mean);
     }
-    text += "  " + a.Name + ": " + KindName(a.Kind) + ", " + a.Type + " [" + Joined(a.Channels) + "], " + range;
+    text += "  " + OneLine(a.Name) + ": " + KindName(a.Kind) + ", " + a.Type + " [" + OneLine(Joined(a.Channels)) +
+            "], " + range;
     if (s.NaN > 0 || s.Infinite > 0)
     {
       text += ", " + std::to_string(s.NaN) + " NaN and " + std::to_string(s.Infinite) + " infinite pixels";
@@ -347,14 +348,15 @@ int InspectCommand(const std::string& file, bool asJson)
   for (const auto& m : report.Metadata)
   {
     const std::size_t lines = std::size_t(std::count(m.second.begin(), m.second.end(), '\n'));
-    text += "  quell:" + m.first + " = " +
-            (lines > 1 || m.second.size() > 100 ? std::to_string(m.second.size()) + " characters" : m.second) + "\n";
+    text += "  quell:" + OneLine(m.first) + " = " +
+            (lines > 1 || m.second.size() > 100 ? std::to_string(m.second.size()) + " characters" : OneLine(m.second)) +
+            "\n";
   }
   for (const std::string& warning : report.Warnings)
   {
-    std::fprintf(stderr, "quell: warning: %s: %s\n", file.c_str(), warning.c_str());
+    std::fprintf(stderr, "quell: warning: %s: %s\n", OneLine(file).c_str(), OneLine(warning, 2000).c_str());
   }
-  std::fputs((asJson ? out.dump(2) + "\n" : text).c_str(), stdout);
+  std::fputs((asJson ? JsonText(out) + "\n" : text).c_str(), stdout);
   return ExitDone;
 }
 }

@@ -3,13 +3,12 @@
 #include "quellCommands.h"
 #include "quellExplain.h"
 #include "quellImageFile.h"
+#include "quellJsonText.h"
 #include "quellMemoryLimits.h"
 #include "quellPipelineReader.h"
 #include "quellProvenance.h"
 
 #include "vtkSMPTools.h"
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cstdio>
@@ -485,7 +484,7 @@ int ExplainCommand(const ExplainArguments& arguments)
   }
   EstimateCosts(plan, *run.Executor, LoadCosts(), ThreadCount());
   const std::string text = arguments.Dot    ? PlanDot(plan)
-                           : arguments.Json ? PlanJson(plan).dump(2) + "\n"
+                           : arguments.Json ? JsonText(PlanJson(plan)) + "\n"
                                             : PlanText(plan);
   std::fputs(text.c_str(), stdout);
   return ExitDone;

@@ -5,13 +5,13 @@
 #include "quellImageFile.h"
 #include "quellImageGuard.h"
 #include "quellInterrupt.h"
+#include "quellJsonText.h"
+#include "quellPipelineReader.h"
 #include "quellPipelineWriter.h"
 #include "quellProgressLine.h"
 #include "quellProvenance.h"
 #include "quellSimd.h"
 #include "quellTemporaryName.h"
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cerrno>
@@ -121,6 +121,15 @@ std::map<std::string, std::string> Provenance(const PreparedRun& run)
   m["pipeline"] = WritePipelineText(*SelfContained(*run.Pipeline, AllStages(), messages));
   std::fputs(messages.ToText().c_str(), stderr);
   m["pipelineHash"] = HashHex(m["pipeline"]);
+  // Names of files are bytes, XML is not.
+  Diagnostics again;
+  if (ReadPipelineText(m["pipeline"], "", again)->Place.Line <= 0)
+  {
+    m.erase("pipeline");
+    m.erase("pipelineHash");
+    std::fprintf(stderr, "quell: warning: the name of a file or directory in this pipeline holds bytes that XML cannot "
+                         "(no UTF-8, or control characters): the frames will not hold their pipeline\n");
+  }
   m["version"] = QUELL_VERSION;
   m["instructions"] = SimdTargetName();
   if (const std::string inputs = LinesOf(InputHashes(*run.Pipeline)); !inputs.empty())
@@ -604,15 +613,23 @@ private:
     {
       WriteCheckpoint(this->File, checkpoint);
       this->Saved = this->Finished;
+      this->Failed = false;
     }
     catch (const StageError& e)
     {
-      if (this->Line)
+      good = false;
+      if (!this->Failed) // once, and tried again after every frame
       {
-        this->Line->Clear();
+        if (this->Line)
+        {
+          this->Line->Clear();
+        }
+        const std::string state = this->Saved > NoTick
+                                    ? "--resume would go on after frame " + std::to_string(this->Saved)
+                                    : std::string("this run cannot be resumed yet");
+        std::fprintf(stderr, "quell: warning: %s; %s\n", e.what(), state.c_str());
       }
-      std::fprintf(stderr, "quell: warning: %s; this run cannot be resumed\n", e.what());
-      this->On = good = false;
+      this->Failed = true;
     }
     this->LastWrite = Clock::now();
     this->Cost = SecondsSince(start);
@@ -623,7 +640,7 @@ private:
   static constexpr int NoTick = std::numeric_limits<int>::min();
   PreparedRun& Run;
   int Start;
-  bool On = false, Any = false, Loaded = false;
+  bool On = false, Any = false, Loaded = false, Failed = false;
   std::string File;
   RunIdentity Identity, Inputs; ///< Inputs: of the sequences that are read
   ProgressLine* Line = nullptr;
@@ -762,7 +779,7 @@ bool WriteStats(const std::string& file, const PreparedRun& run, const Times& ti
   const std::string part = TemporaryName(file);
   errno = 0;
   std::ofstream stream(part);
-  stream << out.dump(2) << "\n";
+  stream << JsonText(out) << "\n";
   stream.close();
   if (!stream || std::rename(part.c_str(), file.c_str()) != 0)
   {

@@ -4,6 +4,7 @@
 #include "quellDiagnostic.h"
 #include "quellImageFile.h"
 #include "quellInterrupt.h"
+#include "quellJsonText.h"
 #include "quellPipelineReader.h"
 #include "quellProgressLine.h"
 #include "quellProvenance.h"
@@ -12,8 +13,6 @@
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
 #include "vtkPointData.h"
-
-#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <cstdio>
@@ -244,7 +243,7 @@ int VerifyCommand(const VerifyArguments& a)
   }
   if (a.Json)
   {
-    std::printf("%s\n", out.dump(2).c_str());
+    std::printf("%s\n", JsonText(out).c_str());
   }
   else
   {

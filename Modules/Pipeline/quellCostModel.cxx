@@ -2,10 +2,9 @@
 #include "quellCostModel.h"
 
 #include "quellImageGuard.h"
+#include "quellJsonText.h"
 #include "quellTemporaryName.h"
 #include "vtkQuellStage.h"
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -156,7 +155,7 @@ void CostModel::Save(const std::string& file) const
   }
   const std::string part = TemporaryName(file);
   std::ofstream stream(part);
-  stream << json.dump(2) << "\n";
+  stream << JsonText(json) << "\n";
   stream.close();
   if (stream)
   {

@@ -40,6 +40,13 @@ Camera::Camera(const CameraModel& model, const Mat4& worldFromCamera, const Vec3
   this->Finish();
 }
 
+bool Camera::HasDirection(const Mat4& worldFromCamera)
+{
+  const Vec3d back = Normalized(worldFromCamera.Direction({ 0, 0, 1 }));
+  const Vec3d right = Normalized(Cross(Normalized(worldFromCamera.Direction({ 0, 1, 0 })), back));
+  return IsFinite(back) && IsFinite(right) && Length(back) > 0.5 && Length(right) > 0.5;
+}
+
 void Camera::Finish()
 {
   const Vec3d rows[3] = { this->Right, this->Up, -this->Forward };

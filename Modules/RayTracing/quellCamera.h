@@ -28,6 +28,8 @@ public:
   /// Index of the camera called `name` (a name, else a number; empty: the first); -1 when the scene has none and
   /// `name` is empty. Throws std::invalid_argument with the names to choose from.
   static int Find(const Scene& scene, const std::string& name);
+  /// False where the matrix shows in no direction: its z axis is 0 or not finite, or y is along it.
+  static bool HasDirection(const Mat4& worldFromCamera);
 
   /// Through the point (px, py) in pixels of the whole frame; `direction` is unit length.
   void Ray(double px, double py, Vec3d& start, Vec3d& direction) const noexcept

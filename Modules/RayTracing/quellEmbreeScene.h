@@ -24,6 +24,8 @@ namespace quell
 constexpr float OffsetScale = 0x1p-17f;
 /// Triangles with larger coordinates are left out; Embree's own limit is near 1.8e18.
 constexpr float LargestCoordinate = 1e18f;
+/// Scenes of another size are told: areas and squares of distances come near the ends of float's range.
+constexpr double SmallestScene = 2e-9, LargestScene = 1e12;
 /// Emission above this is taken as this: its square, times the 1e4 that a light sample may be weighed with, stays far
 /// inside of float.
 constexpr float LargestEmission = 1e14f;

@@ -54,6 +54,18 @@ bool Finish(PathSample& s, int bounceLayers, float clamp) noexcept
     for (int b = 1; b < bounceLayers; ++b)
       s.Bounces[b] = Vec3f();
   }
+  // From a lens of 1e8 scene units a hit may have no place in float.
+  if (s.Hit && !(std::isfinite(s.Depth) && IsFinite(s.Position) && IsFinite(s.NormalGeometric)))
+  {
+    bad = true;
+    s.Hit = false;
+  }
+  if (!std::isfinite(s.Motion.x) || !std::isfinite(s.Motion.y) || !IsFinite(s.Normal))
+  {
+    bad = true;
+    s.Motion = {};
+    s.Normal = Vec3f();
+  }
   if (!(clamp > 0))
     return bad;
   const float direct = ratio(s.Direct), indirect = ratio(s.Indirect);

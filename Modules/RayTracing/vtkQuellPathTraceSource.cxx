@@ -774,6 +774,18 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
   quell::EmbreeScene& built = *in.Built;
   this->Warnings.insert(this->Warnings.end(), built.Warnings.begin(), built.Warnings.end());
 
+  const quell::Vec3d across = built.RestUpper - built.RestLower;
+  const double size = std::max({ across.x, across.y, across.z });
+  if (size > 0 && (size < quell::SmallestScene || size > quell::LargestScene))
+  {
+    char text[200];
+    std::snprintf(text, sizeof text,
+      "the scene is %.3g across: below 2e-9 and above 1e12 areas and distances leave float's range, and light is wrong "
+      "or missing; choose another unit of length",
+      size);
+    this->Warnings.push_back(text);
+  }
+
   quell::Integrator integrator;
   integrator.Scene = &built;
   const int index = quell::Camera::Find(scene, this->Camera);
@@ -786,13 +798,16 @@ void vtkQuellPathTraceSource::Execute(quell::StageFrame& frame)
     const auto pose = [&](const quell::Mat4& matrix)
     { return quell::Camera(model, matrix, built.Origin(), whole.width(), whole.height()); };
     const auto at = [&](bool previous)
-    { return pose(model.Node >= 0 ? built.NodeMatrix(model.Node, previous) : model.WorldFromCamera); };
-    integrator.View = at(false);
-    integrator.PreviousView = at(true);
+    { return model.Node >= 0 ? built.NodeMatrix(model.Node, previous) : model.WorldFromCamera; };
+    const std::string named = "camera " + (model.Name.empty() ? std::to_string(index) : '"' + model.Name + '"');
+    if (!quell::Camera::HasDirection(at(false)))
+      throw quell::StageError(
+        named + " shows in no direction: its matrix, or one above it, cannot be inverted (a scale of 0?)");
+    integrator.View = pose(at(false));
+    integrator.PreviousView = quell::Camera::HasDirection(at(true)) ? pose(at(true)) : integrator.View;
     const quell::Vec3d& eye = integrator.View.Position;
     if (!(std::max({ std::fabs(eye.x), std::fabs(eye.y), std::fabs(eye.z) }) < double(quell::LargestCoordinate)))
-      throw quell::StageError("camera " + (model.Name.empty() ? std::to_string(index) : '"' + model.Name + '"') +
-                              " is farther than 1e18 from the scene; rays have no digits there");
+      throw quell::StageError(named + " is farther than 1e18 from the scene; rays have no digits there");
     if (shutter > 0 && model.Node >= 0 && scene.Animated())
       integrator.View.MoveInShutter(
         pose(built.NodeMatrix(model.Node, time - shutter / 2)), pose(built.NodeMatrix(model.Node, time + shutter / 2)));

@@ -4,6 +4,7 @@
 #include "quellCancelToken.h"
 #include "quellCostModel.h"
 #include "quellImageFile.h"
+#include "quellJsonText.h"
 #include "quellLeaveOut.h"
 #include "quellMetrics.h"
 #include "quellPipelineExecutor.h"
@@ -14,8 +15,6 @@
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkPointData.h"
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -758,7 +757,7 @@ void Tradeoff::Internals::CheckDirectory()
   {
     throw StageError("cannot make the directory \"" + this->Options.Directory + "\": " + ec.message());
   }
-  const std::string header = this->Header().dump();
+  const std::string header = JsonText(this->Header(), -1);
   std::ifstream old(this->RunsFile());
   std::string line;
   if (old && std::getline(old, line))
@@ -779,11 +778,11 @@ void Tradeoff::Internals::Append(const Setting& s) const
   std::ofstream out(this->RunsFile(), std::ios::app);
   if (fresh)
   {
-    out << this->Header().dump() << "\n";
+    out << JsonText(this->Header(), -1) << "\n";
   }
   const nlohmann::json run = { { "setting", s.Key }, { "round", s.Rounds.back() }, { "ms", s.Nodes.back() },
     { "metrics", s.Metrics.back() }, { "picture", s.Picture } };
-  out << run.dump() << "\n";
+  out << JsonText(run, -1) << "\n";
   if (!out.flush())
   {
     throw StageError("cannot write \"" + this->RunsFile() + "\": is the disk full?");

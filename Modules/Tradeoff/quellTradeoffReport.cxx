@@ -2,6 +2,7 @@
 #include "quellTradeoffReport.h"
 
 #include "quellImageFile.h"
+#include "quellJsonText.h"
 #include "quellMetrics.h"
 #include "quellXmlDocument.h"
 
@@ -9,8 +10,6 @@
 #include "vtkImageData.h"
 #include "vtkNew.h"
 #include "vtkPointData.h"
-
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -671,7 +670,7 @@ std::string TradeoffJson(const TradeoffReport& report)
     }
     out["ledger"].push_back(row);
   }
-  return out.dump(2) + "\n";
+  return JsonText(out) + "\n";
 }
 
 std::string TradeoffHtml(const TradeoffReport& report, const std::string& directory)

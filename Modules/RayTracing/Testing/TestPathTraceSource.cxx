@@ -577,6 +577,69 @@ TEST(PathTraceSource, EveryTextureCountsAlone)
   }
 }
 
+TEST(PathTraceSource, CamerasThatShowNowhereAreRefused)
+{
+  vtkObject::GlobalWarningDisplayOff();
+  for (int axis = 0; axis < 4; ++axis) // 3: all of them
+  {
+    auto room = Room();
+    for (CameraModel& c : room->Cameras)
+    {
+      c.Node = -1;
+      c.Name = "flat";
+      for (int row = 0; row < 3; ++row)
+        for (int column = 0; column < 3; ++column)
+          c.WorldFromCamera.m[row][column] *= column == axis || axis == 3 ? 0 : 1;
+    }
+    vtkNew<vtkQuellPathTraceSource> s;
+    Configure(s, room, 4, 4, 1);
+    s->Update();
+    // What is to the right follows from the other two.
+    EXPECT_EQ(s->GetErrorText().find("camera \"flat\" shows in no direction") == std::string::npos, axis == 0)
+      << axis << s->GetErrorText();
+  }
+  vtkObject::GlobalWarningDisplayOn();
+}
+
+TEST(PathTraceSource, EveryLensMakesFiniteArrays)
+{
+  for (double radius : { 1., 1e4, 1e7, 1e8, 3e8, 1e9 })
+  {
+    vtkNew<vtkQuellPathTraceSource> s;
+    Configure(s, Room(), 16, 16, 8);
+    s->SetLensRadius(radius);
+    s->Update();
+    for (const char* name : { "radiance", "position", "normal", "normalGeometric", "motion", "albedo" })
+    {
+      auto array = vtkFloatArray::SafeDownCast(s->GetOutput()->GetPointData()->GetArray(name));
+      ASSERT_NE(array, nullptr) << name;
+      for (vtkIdType i = 0; i < array->GetNumberOfValues(); ++i)
+        ASSERT_TRUE(std::isfinite(array->GetValue(i))) << radius << " " << name << " " << i;
+    }
+    auto depth = vtkFloatArray::SafeDownCast(s->GetOutput()->GetPointData()->GetArray("depth"));
+    for (vtkIdType i = 0; i < depth->GetNumberOfValues(); ++i) // +inf: nothing there
+      ASSERT_GT(depth->GetValue(i), 0) << radius << " " << i;
+  }
+}
+
+TEST(PathTraceSource, ScenesOfSizesWithoutDigitsAreTold)
+{
+  for (double scale : { 1e-12, 1e-8, 1., 1e11, 1e14 })
+  {
+    auto room = Room();
+    for (Mesh& mesh : room->Meshes)
+      for (Vec3f& p : mesh.Positions)
+        p = p * float(scale);
+    vtkNew<vtkQuellPathTraceSource> s;
+    Configure(s, room, 4, 4, 1);
+    s->Update();
+    const auto& warnings = s->GetWarnings();
+    const bool told = std::any_of(warnings.begin(), warnings.end(),
+      [](const std::string& w) { return w.find("choose another unit of length") != std::string::npos; });
+    EXPECT_EQ(told, scale < 1e-9 || scale > 1e12) << scale << s->GetErrorText();
+  }
+}
+
 TEST(PathTraceSource, CamerasWithoutDigitsAreRefused)
 {
   auto room = Room();
