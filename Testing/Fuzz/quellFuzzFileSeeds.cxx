@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellFuzzFiles.h"
+#include "quellFuzzTools.h"
 #include "quellImageFile.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
@@ -13,8 +14,6 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 
 using namespace quell;
@@ -23,22 +22,6 @@ namespace fs = std::filesystem;
 
 namespace
 {
-std::string Contents(const fs::path& file)
-{
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
-
-void Save(const fs::path& file, const std::string& text)
-{
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  if (!out.flush())
-    throw std::runtime_error("cannot write " + file.string());
-}
-
 /// Smooth and a little noisy, so that every codec has something to do.
 float Pixel(int x, int y, int c)
 {
