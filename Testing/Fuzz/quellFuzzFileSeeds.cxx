@@ -68,6 +68,18 @@ void WriteWith(const fs::path& file, int width, int height, std::vector<std::str
     throw std::runtime_error("cannot write " + file.string() + ": " + out->geterror());
 }
 
+/// The library writes when an OpenEXR file was made. Documents are functions of the seed alone: all at one time.
+void SetDate(const fs::path& file)
+{
+  std::string bytes = Contents(file);
+  const std::string name("capDate\0string\0", 15), date = "2000:01:01 00:00:00";
+  const std::size_t at = bytes.find(name);
+  if (at == std::string::npos)
+    return; // not every version of the library does
+  bytes.replace(at + name.size() + 4, date.size(), date); // after the string's size
+  Save(file, bytes);
+}
+
 void WriteImages(const fs::path& directory)
 {
   vtkNew<vtkImageData> plain;
@@ -108,6 +120,8 @@ void WriteImages(const fs::path& directory)
   WriteWith(directory / "plain.ppm", 20, 12, { "R", "G", "B" }, OIIO::TypeUInt8, 0, "");
   WriteWith(directory / "float.pfm", 20, 12, { "R", "G", "B" }, OIIO::TypeFloat, 0, "");
   WriteWith(directory / "plain.webp", 24, 16, { "R", "G", "B", "A" }, OIIO::TypeUInt8, 0, "");
+  for (const fs::path& file : SeedFiles({ directory.string() }, ".exr"))
+    SetDate(file);
 }
 
 std::string Base64(const std::string& in)
