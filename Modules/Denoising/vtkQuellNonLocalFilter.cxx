@@ -493,32 +493,26 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
 
   if (!pictures.Halves)
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& whole)
-      {
-        this->NonFinite.Apart(whole,
-          [&](const quell::Rect& tile)
-          {
-            static thread_local quell::Scratch spare;
-            this->NonFinite.Add(
-              tile, pictures.Filter(in, p, radiance, radiance,
-                      out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile));
-          });
-      });
+      this->NonFinite.Counting(
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch spare;
+          return pictures.Filter(in, p, radiance, radiance,
+            out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile);
+        }));
   else if (!this->Selects())
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& whole)
-      {
-        this->NonFinite.Apart(whole,
-          [&](const quell::Rect& tile)
-          {
-            static thread_local quell::Scratch results;
-            const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
-            const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
-            this->NonFinite.Add(tile, pictures.Filter(in, p, halfA, halfB, a, tile));
-            this->NonFinite.Add(tile, pictures.Filter(in, p, halfB, halfA, b, tile));
-            store(a, b, tile);
-          });
-      });
+      this->NonFinite.Counting(
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch results;
+          const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
+          const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
+          const std::int64_t bad =
+            pictures.Filter(in, p, halfA, halfB, a, tile) + pictures.Filter(in, p, halfB, halfA, b, tile);
+          store(a, b, tile);
+          return bad;
+        }));
   else
   {
     SelectWidths(
