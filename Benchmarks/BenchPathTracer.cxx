@@ -150,11 +150,12 @@ struct Stage
   int Samples = 1;
 };
 
-Stage Prepare(std::shared_ptr<const Scene> scene, int size, int samples, int bounces)
+Stage Prepare(std::shared_ptr<const Scene> scene, int size, int samples, int bounces,
+  const EmbreeScene::Options& options = EmbreeScene::Options())
 {
   Stage s;
   s.Source = std::move(scene);
-  s.Built = std::make_unique<EmbreeScene>(s.Source);
+  s.Built = std::make_unique<EmbreeScene>(s.Source, options);
   s.Built->SetTime(0, 0);
   s.Area = { 0, 0, size, size };
   s.Samples = samples;
@@ -236,6 +237,60 @@ Seconds Trace(const Stage& s, const std::set<std::string>& wanted, int threads, 
     }
   return t;
 }
+
+/// The arrays that a filter of one frame reads, traced with one sample a pixel.
+struct Developed
+{
+  explicit Developed(const Rect& area)
+  {
+    for (const auto& [name, components] : { std::make_pair("direct", 3), { "indirect", 3 }, { "emission", 3 },
+           { "albedo", 3 }, { "normal", 3 }, { "depth", 1 }, { "motion", 2 }, { "id", 1 } })
+    {
+      this->Pixels.emplace_back(std::size_t(area.area()) * std::size_t(components));
+      this->Arrays.emplace_back(name, ImageOut(this->Pixels.back().data(), components, area));
+      this->Names.insert(name);
+    }
+  }
+  void Develop(const Film& film, const Rect& tile) const
+  {
+    for (const auto& array : this->Arrays)
+      film.Develop(array.first, tile, 1, array.second);
+  }
+  Seconds ByTiles(const Stage& s, int threads) const
+  {
+    return OverTiles(Tiles(s), threads,
+      [&](int i)
+      {
+        static thread_local Film film({ 0, 0, TileSize, TileSize }, this->Names);
+        TraceCounters counters;
+        film.MoveTo(Tile(s, i));
+        film.Clear(film.Region());
+        s.Tracer.Render(film, film.Region(), 0, 1, counters);
+        this->Develop(film, film.Region());
+      });
+  }
+  /// `memory` is kept from frame to frame.
+  Seconds ByFrame(const Stage& s, int threads, std::vector<double>& memory) const
+  {
+    Film film(s.Area, this->Names, std::move(memory));
+    Seconds t = OverTiles(Tiles(s), threads,
+      [&](int i)
+      {
+        TraceCounters counters;
+        film.Clear(Tile(s, i));
+        s.Tracer.Render(film, Tile(s, i), 0, 1, counters);
+      });
+    const Seconds developed = OverTiles(Tiles(s), threads, [&](int i) { this->Develop(film, Tile(s, i)); });
+    t.Wall += developed.Wall;
+    t.Cpu += developed.Cpu;
+    memory = film.TakeMemory();
+    return t;
+  }
+
+  std::vector<std::vector<float>> Pixels;
+  std::vector<std::pair<std::string, ImageOut>> Arrays;
+  std::set<std::string> Names;
+};
 
 Measured AgainstEmbree(const Bench& bench, const Stage& s, int threads)
 {
@@ -419,28 +474,33 @@ QUELL_BENCHMARK("cornell-mpaths", "camera paths per second in a Cornell box of 3
 QUELL_BENCHMARK("pathtrace-omissions", "what each omission buys: the same picture, traced with and without it")
 {
   using Variant = Integrator::Variant;
-  const auto against = [&](const std::string& name, const Stage& lean, const std::set<std::string>& leanWants,
-                         const std::string& other, const Stage& full, const std::set<std::string>& fullWants)
+  using Run = std::function<Seconds()>;
+  const auto compare =
+    [&](const std::string& name, double paths, const Run& lean, const std::string& other, const Run& full)
   {
     std::vector<double> cpu[2];
-    const auto times = bench.CompareFigures({ [&]
+    const auto timed = [](const Run& run, std::vector<double>& sum)
+    {
+      return [&run, &sum]
       {
-        const Seconds t = Trace(lean, leanWants, 2);
-        cpu[0].push_back(t.Cpu);
+        const Seconds t = run();
+        sum.push_back(t.Cpu);
         return t.Wall;
-      },
-      [&]
-      {
-        const Seconds t = Trace(full, fullWants, 2);
-        cpu[1].push_back(t.Cpu);
-        return t.Wall;
-      } });
+      };
+    };
+    const auto times = bench.CompareFigures({ timed(lean, cpu[0]), timed(full, cpu[1]) });
     for (auto& c : cpu)
       std::sort(c.begin(), c.end());
-    const double paths = double(lean.Area.area()) * lean.Samples;
     bench.Report(name, paths / times[0].Seconds / 1e6, "Mpaths/s", other, times[1].Seconds / times[0].Seconds,
       times[0].Spread,
       "by thread time " + std::to_string(cpu[1][cpu[1].size() / 2] / cpu[0][cpu[0].size() / 2]).substr(0, 5));
+  };
+  const auto against = [&](const std::string& name, const Stage& lean, const std::set<std::string>& leanWants,
+                         const std::string& other, const Stage& full, const std::set<std::string>& fullWants)
+  {
+    compare(
+      name, double(lean.Area.area()) * lean.Samples, [&] { return Trace(lean, leanWants, 2); }, other,
+      [&] { return Trace(full, fullWants, 2); });
   };
   const std::set<std::string> radiance{ "radiance" };
   const auto forced = [](const std::shared_ptr<Scene>& scene, Variant variant)
@@ -498,6 +558,36 @@ QUELL_BENCHMARK("pathtrace-omissions", "what each omission buys: the same pictur
   clean.Tracer.GuideSamples = 16;
   against("guides of 1 light sample", guided, { "radiance", "albedo", "normal" }, "16 guide samples", clean,
     { "radiance", "albedo", "normal" });
+
+  // Small scenes and what moves: no hierarchy, one, or a second one for the block that moves.
+  EmbreeScene::Options asks, instances;
+  asks.TestAll = instances.TestAll = false;
+  instances.RebuiltTriangles = 0;
+  const auto hierarchies = [&](const std::string& name, const std::shared_ptr<const Scene>& scene)
+  {
+    const Stage all = Prepare(scene, 192, 4, 6);
+    if (all.Built->TestedTriangles() == 0)
+      throw std::runtime_error(name + " is too large to test all its triangles");
+    against(name + ", all " + std::to_string(all.Built->TestedTriangles()) + " triangles tested", all, radiance,
+      "a hierarchy asked", Prepare(scene, 192, 4, 6, asks), radiance);
+  };
+  hierarchies("diffuse box", diffuse);
+  if (auto scene = Shared("cornell-mcguire/CornellBox-Original.obj"))
+    hierarchies("CornellBox-Original.obj", scene);
+  const std::shared_ptr<const Scene> moving = LoadScene(QUELL_SOURCE_DIR "/Data/Scenes/cornell-box-moving.gltf");
+  hierarchies("moving Cornell box", moving);
+  const Stage rebuilt = Prepare(moving, 192, 4, 6, asks);
+  against("moving Cornell box, one hierarchy for each pose", rebuilt, radiance, "what moves in a second one",
+    Prepare(moving, 192, 4, 6, instances), radiance);
+  // A frame of one sample: what its arrays take goes through sums of a tile, or of the frame.
+  const Stage frame = Prepare(moving, 512, 1, 6), slow = Prepare(moving, 512, 1, 6, instances);
+  const Developed made(frame.Area);
+  std::vector<double> memory;
+  const auto byTiles = [&] { return made.ByTiles(frame, 2); };
+  compare("moving Cornell box, 1 sample, sums of a tile", double(frame.Area.area()), byTiles, "sums of the frame",
+    [&] { return made.ByFrame(frame, 2, memory); });
+  compare("moving Cornell box, 1 sample, all three", double(frame.Area.area()), byTiles, "none of them",
+    [&] { return made.ByFrame(slow, 2, memory); });
 }
 
 QUELL_BENCHMARK("pathtrace-memory", "bytes per pixel of the film")

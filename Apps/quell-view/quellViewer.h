@@ -257,7 +257,7 @@ private:
   std::shared_ptr<const ViewFrame> Shown, LastGood;
   std::shared_ptr<const ViewCheck> Checked;
   std::shared_ptr<const Presentation> Presented;
-  Texture TextureA, TextureB, TextureMap;
+  WindowTexture TextureA, TextureB, TextureMap;
   std::uint64_t TexturesOf = 0, Uploads = 0;
 
   // image view
@@ -273,7 +273,7 @@ private:
   std::string WeighNode; ///< chosen; empty: the nearest filter
   bool WantWeights = false;
   std::shared_ptr<const ViewWeights> Weighed;
-  Texture TextureWeights;
+  WindowTexture TextureWeights;
   std::shared_ptr<const ViewWeights> WeightsOf; ///< what the summary and the texture are of
   WeightsSummary WeightsSum;
 

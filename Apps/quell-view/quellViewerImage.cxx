@@ -715,7 +715,7 @@ void Viewer::DrawImage(const ImVec2& min, const ImVec2& max)
   const bool flipped = this->Compared == CompareMode::Flip && this->FlipShowsB && this->TextureB.Id();
   list->PushClipRect(min, max, true);
   const ImVec2 pa = toScreen(0, 0), pb = toScreen(w, h);
-  const Texture& main = mapGood ? this->TextureMap : flipped ? this->TextureB : this->TextureA;
+  const WindowTexture& main = mapGood ? this->TextureMap : flipped ? this->TextureB : this->TextureA;
   list->AddImage(main.Id(), pa, pb);
   if (wipes)
   {

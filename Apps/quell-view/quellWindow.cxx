@@ -57,16 +57,16 @@ double Now()
 }
 
 // ---- textures -------------------------------------------------------------------------------------------------------
-Texture::Texture() = default;
-Texture::~Texture() = default;
+WindowTexture::WindowTexture() = default;
+WindowTexture::~WindowTexture() = default;
 
-void Texture::Release()
+void WindowTexture::Release()
 {
   this->Object = nullptr;
   this->W = this->H = 0;
 }
 
-void Texture::Upload(vtkRenderWindow* window, const DisplayImage& image)
+void WindowTexture::Upload(vtkRenderWindow* window, const DisplayImage& image)
 {
   auto* context = vtkOpenGLRenderWindow::SafeDownCast(window);
   if (!context || image.Rgba.empty())
@@ -93,7 +93,7 @@ void Texture::Upload(vtkRenderWindow* window, const DisplayImage& image)
   this->H = image.Height;
 }
 
-void Texture::SetSmooth(bool smooth)
+void WindowTexture::SetSmooth(bool smooth)
 {
   if (smooth != this->Smooth)
   {
@@ -108,7 +108,7 @@ void Texture::SetSmooth(bool smooth)
   }
 }
 
-ImTextureID Texture::Id() const
+ImTextureID WindowTexture::Id() const
 {
   return this->Object ? reinterpret_cast<ImTextureID>(std::uintptr_t(this->Object->GetHandle())) : nullptr;
 }

@@ -47,12 +47,12 @@ struct WindowEvent
   std::vector<std::string> Files;
 };
 
-/// A texture of the window.
-class Texture
+/// A texture of the window. (quell::Texture is a scene's.)
+class WindowTexture
 {
 public:
-  Texture();
-  ~Texture();
+  WindowTexture();
+  ~WindowTexture();
   void Upload(vtkRenderWindow* window, const DisplayImage& image);
   ImTextureID Id() const;
   int Width() const { return this->W; }

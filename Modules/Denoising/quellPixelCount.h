@@ -27,15 +27,24 @@ public:
     if (tile.y0 >= this->Counted.y0 && tile.y1 <= this->Counted.y1)
       this->Pixels += pixels;
   }
-  /// body(part) for the parts of a tile that count and those that do not.
+  /// body(part), which returns what the part had, for the parts of a tile that count and those that do not.
   template <class Body>
-  void Apart(const Rect& tile, const Body& body) const
+  void Count(const Rect& tile, const Body& body) const
   {
     const int y0 = std::clamp(this->Counted.y0, tile.y0, tile.y1), y1 = std::clamp(this->Counted.y1, y0, tile.y1);
     const int rows[] = { tile.y0, y0, y1, tile.y1 };
     for (int k = 0; k < 3; ++k)
       if (rows[k] < rows[k + 1])
-        body(Rect{ tile.x0, rows[k], tile.x1, rows[k + 1] });
+      {
+        const Rect part{ tile.x0, rows[k], tile.x1, rows[k + 1] };
+        this->Add(part, body(part));
+      }
+  }
+  /// Count with that body, for ForEachTile.
+  template <class Body>
+  auto Counting(const Body& body) const
+  {
+    return [this, body](const Rect& tile) { this->Count(tile, body); };
   }
   /// Adds to the stage's counters, and one sentence about the frame so far to its warnings where there were any.
   void Report(

@@ -52,10 +52,10 @@ void vtkQuellAlbedoDemodulate::Execute(quell::StageFrame& frame)
 
 void vtkQuellAlbedoDemodulate::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  this->NonFinite.Apart(tile,
+  this->NonFinite.Count(tile,
     [&](const quell::Rect& part)
     {
-      this->NonFinite.Add(part, quell::Demodulate(frame.Input(Radiance), frame.Input(Albedo), float(this->Floor),
-                                  frame.Output("illumination"), part));
+      return quell::Demodulate(
+        frame.Input(Radiance), frame.Input(Albedo), float(this->Floor), frame.Output("illumination"), part);
     });
 }

@@ -50,10 +50,10 @@ void vtkQuellAlbedoModulate::Execute(quell::StageFrame& frame)
 
 void vtkQuellAlbedoModulate::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  this->NonFinite.Apart(tile,
+  this->NonFinite.Count(tile,
     [&](const quell::Rect& part)
     {
-      this->NonFinite.Add(part, quell::Modulate(frame.Input(Illumination), frame.Input(Albedo), float(this->Floor),
-                                  frame.Output("radiance"), part));
+      return quell::Modulate(
+        frame.Input(Illumination), frame.Input(Albedo), float(this->Floor), frame.Output("radiance"), part);
     });
 }

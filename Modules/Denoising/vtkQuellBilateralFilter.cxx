@@ -355,16 +355,12 @@ void vtkQuellBilateralFilter::Execute(quell::StageFrame& frame)
 
   this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), TileSize,
-    [&](const quell::Rect& whole)
-    {
-      this->NonFinite.Apart(whole,
-        [&](const quell::Rect& tile)
-        {
-          static thread_local quell::Scratch scratch;
-          this->NonFinite.Add(
-            tile, quell::Bilateral(in, p, out, tile, scratch.Take(quell::BilateralScratch(in, p, tile))));
-        });
-    });
+    this->NonFinite.Counting(
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch scratch;
+        return quell::Bilateral(in, p, out, tile, scratch.Take(quell::BilateralScratch(in, p, tile)));
+      }));
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
   const std::int64_t side = 2 * this->EffectiveRadius() + 1;
   this->Counters.Taps += frame.Region().area() * side * side;

@@ -50,7 +50,7 @@ void vtkQuellEmissionSplit::Execute(quell::StageFrame& frame)
 
 void vtkQuellEmissionSplit::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  this->NonFinite.Apart(tile,
+  this->NonFinite.Count(tile,
     [&](const quell::Rect& part)
     {
       quell::EmissionSplitParameters p;
@@ -58,7 +58,7 @@ void vtkQuellEmissionSplit::ExecuteTile(const quell::StageFrame& frame, const qu
       p.neighbours = this->Neighbours;
       p.grow = this->Grow;
       p.edgePart = float(this->EdgePart);
-      this->NonFinite.Add(part, quell::EmissionSplit(frame.Input(0), p, frame.Output("emission"),
-                                  frame.Output("radiance"), frame.Output("mask"), part));
+      return quell::EmissionSplit(
+        frame.Input(0), p, frame.Output("emission"), frame.Output("radiance"), frame.Output("mask"), part);
     });
 }

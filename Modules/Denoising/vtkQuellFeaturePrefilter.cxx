@@ -103,60 +103,58 @@ void vtkQuellFeaturePrefilter::Execute(quell::StageFrame& frame)
   p.sigmaDepth = this->SigmaDepth;
   this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), TileSize,
-    [&](const quell::Rect& whole)
-    {
-      this->NonFinite.Apart(whole,
-        [&](const quell::Rect& tile)
+    this->NonFinite.Counting(
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch noise, planes;
+        std::int64_t bad = 0;
+        for (const Feature& f : features)
         {
-          static thread_local quell::Scratch noise, planes;
-          for (const Feature& f : features)
+          if (!f.out || !f.value)
+            continue;
+          quell::BilateralInputs in;
+          in.radiance = f.value;
+          in.depth = depth;
+          in.position = position;
+          in.normal = normal;
+          in.id = id;
+          const auto add = [&in](const quell::ImageIn& value, double sigma) -> quell::BilateralGuide&
           {
-            if (!f.out || !f.value)
-              continue;
-            quell::BilateralInputs in;
-            in.radiance = f.value;
-            in.depth = depth;
-            in.position = position;
-            in.normal = normal;
-            in.id = id;
-            const auto add = [&in](const quell::ImageIn& value, double sigma) -> quell::BilateralGuide&
-            {
-              quell::BilateralGuide& g = in.guides[in.guideCount++];
-              g.value = value;
-              g.sigma = sigma;
-              return g;
-            };
-            quell::BilateralGuide& self = add(f.value, this->SigmaFeature);
-            self.variance = f.variance;
-            if (!f.variance && this->EstimateNoise)
-            {
-              const quell::Rect grown = tile.grown(std::max(1, this->Radius)).clipped(f.value.extent);
-              const quell::ImageOut estimate(
-                noise.Take(std::size_t(grown.area()) + quell::FeatureNoiseScratch(grown)), 1, grown);
-              // Normals are no guide to their own noise.
-              quell::FeatureNoise(
-                f.value, f.isNormal ? quell::ImageIn() : normal, depth, estimate, grown, estimate.data + grown.area());
-              self.variance = estimate;
-            }
-            if (normal && !f.isNormal)
-              add(normal, this->SigmaNormal).distance = quell::GuideDistance::Normal;
-            this->NonFinite.Add(
-              tile, quell::Bilateral(in, p, { f.out, {} }, tile, planes.Take(quell::BilateralScratch(in, p, tile))));
-            if (!f.isNormal)
-              continue;
-            for (int y = tile.y0; y < tile.y1; ++y)
-              for (int x = tile.x0; x < tile.x1; ++x)
-              {
-                float* n = f.out.at(x, y);
-                const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-                // What had length 1 stays to the last bit.
-                if (std::fabs(length - 1) > 1e-6f)
-                  for (int c = 0; c < 3; ++c)
-                    n[c] = length > 1e-6f && length < 1e30f ? n[c] / length : 0.f;
-              }
+            quell::BilateralGuide& g = in.guides[in.guideCount++];
+            g.value = value;
+            g.sigma = sigma;
+            return g;
+          };
+          quell::BilateralGuide& self = add(f.value, this->SigmaFeature);
+          self.variance = f.variance;
+          if (!f.variance && this->EstimateNoise)
+          {
+            const quell::Rect grown = tile.grown(std::max(1, this->Radius)).clipped(f.value.extent);
+            const quell::ImageOut estimate(
+              noise.Take(std::size_t(grown.area()) + quell::FeatureNoiseScratch(grown)), 1, grown);
+            // Normals are no guide to their own noise.
+            quell::FeatureNoise(
+              f.value, f.isNormal ? quell::ImageIn() : normal, depth, estimate, grown, estimate.data + grown.area());
+            self.variance = estimate;
           }
-        });
-    });
+          if (normal && !f.isNormal)
+            add(normal, this->SigmaNormal).distance = quell::GuideDistance::Normal;
+          bad += quell::Bilateral(in, p, { f.out, {} }, tile, planes.Take(quell::BilateralScratch(in, p, tile)));
+          if (!f.isNormal)
+            continue;
+          for (int y = tile.y0; y < tile.y1; ++y)
+            for (int x = tile.x0; x < tile.x1; ++x)
+            {
+              float* n = f.out.at(x, y);
+              const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+              // What had length 1 stays to the last bit.
+              if (std::fabs(length - 1) > 1e-6f)
+                for (int c = 0; c < 3; ++c)
+                  n[c] = length > 1e-6f && length < 1e30f ? n[c] / length : 0.f;
+            }
+        }
+        return bad;
+      }));
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "the features");
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side * (bool(features[0].out) + bool(features[1].out));

@@ -180,40 +180,39 @@ void vtkQuellKernelFilter::Execute(quell::StageFrame& frame)
     }
   this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), TileSize,
-    [&](const quell::Rect& whole)
-    {
-      this->NonFinite.Apart(whole,
-        [&](const quell::Rect& tile)
+    this->NonFinite.Counting(
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch scratch;
+        std::int64_t bad = 0;
+        for (const Work& w : works)
         {
-          static thread_local quell::Scratch scratch;
-          for (const Work& w : works)
-          {
-            const auto mode =
-              w.kind == quell::ArrayKind::Variance ? quell::KernelMode::Variance : quell::KernelMode::Mean;
-            const bool isColor = w.in.data == color.data;
-            const std::int64_t bad = quell::KernelFilter(w.in, isColor ? quell::ImageIn() : color, kernel,
-              this->Normalize, mode, w.out, tile, scratch.Take(quell::KernelFilterScratch(w.in, kernel, tile)));
-            if (isColor)
-              this->NonFinite.Add(tile, bad);
-            if (w.kind != quell::ArrayKind::Normal && w.kind != quell::ArrayKind::Depth)
-              continue;
-            for (int y = tile.y0; y < tile.y1; ++y)
-              for (int x = tile.x0; x < tile.x1; ++x)
+          const auto mode =
+            w.kind == quell::ArrayKind::Variance ? quell::KernelMode::Variance : quell::KernelMode::Mean;
+          const bool isColor = w.in.data == color.data;
+          const std::int64_t found = quell::KernelFilter(w.in, isColor ? quell::ImageIn() : color, kernel,
+            this->Normalize, mode, w.out, tile, scratch.Take(quell::KernelFilterScratch(w.in, kernel, tile)));
+          if (isColor)
+            bad += found;
+          if (w.kind != quell::ArrayKind::Normal && w.kind != quell::ArrayKind::Depth)
+            continue;
+          for (int y = tile.y0; y < tile.y1; ++y)
+            for (int x = tile.x0; x < tile.x1; ++x)
+            {
+              float* o = w.out.at(x, y);
+              const float* in = w.in.at(x, y);
+              if (w.kind == quell::ArrayKind::Depth)
+                *o = quell::Finite(*in) ? *o : *in;
+              else
               {
-                float* o = w.out.at(x, y);
-                const float* in = w.in.at(x, y);
-                if (w.kind == quell::ArrayKind::Depth)
-                  *o = quell::Finite(*in) ? *o : *in;
-                else
-                {
-                  const float length = std::sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2]);
-                  for (int c = 0; c < 3; ++c)
-                    o[c] = length > 1e-6f ? o[c] / length : 0.f;
-                }
+                const float length = std::sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2]);
+                for (int c = 0; c < 3; ++c)
+                  o[c] = length > 1e-6f ? o[c] / length : 0.f;
               }
-          }
-        });
-    });
+            }
+        }
+        return bad;
+      }));
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");
   const std::int64_t taps =
     kernel.Separable() ? std::int64_t(kernel.Across.size() + kernel.Up.size()) : std::int64_t(kernel.Weights.size());

@@ -208,36 +208,61 @@ quell::NonLocalParameters vtkQuellNonLocalFilter::Parameters() const
 
 namespace
 {
-/// The variance of the buffer that gives the weights, for the pixels that a tile reads.
-quell::ImageIn NoiseOf(const quell::ImageIn& radiance, const quell::ImageIn& halfA, const quell::ImageIn& halfB,
-  const quell::ImageIn& variance, const quell::ImageIn& depth, const quell::Rect& tile, int reach,
-  quell::Scratch& memory)
+/// What is filtered: radiance, or its halves with the weights of each other.
+struct Pictures
 {
-  const bool halves = halfA && halfB;
-  if (variance && !halves)
-    return variance;
-  const quell::Rect grown = tile.grown(reach).clipped((halves ? halfA : radiance).extent);
-  const int components = halves ? 3 : 1;
-  const quell::ImageOut made(
-    memory.Take(std::size_t(grown.area()) * components + quell::FeatureNoiseScratch(grown)), components, grown);
-  if (variance)
-    for (int y = grown.y0; y < grown.y1; ++y)
-      for (int x = grown.x0; x < grown.x1; ++x)
-        for (int c = 0; c < 3; ++c)
-          made.at(x, y)[c] = 2 * variance.at(x, y)[variance.components == 3 ? c : 0];
-  else if (halves)
-    HalfVariance(halfA, halfB, made);
-  else
-    quell::FeatureNoise(radiance, quell::ImageIn(), depth, made, grown, made.data + grown.area());
-  return made;
-}
+  explicit Pictures(quell::StageFrame& frame)
+    : Radiance(frame.Input(Ports::Radiance))
+    , HalfA(frame.Input(Ports::HalfA))
+    , HalfB(frame.Input(Ports::HalfB))
+    , Variance(frame.Input(Ports::Variance))
+    , Halves(this->HalfA && this->HalfB)
+  {
+  }
+
+  /// The variance of the buffer that gives the weights, for the pixels that a tile reads.
+  quell::ImageIn NoiseOf(const quell::ImageIn& depth, const quell::Rect& tile, int reach, quell::Scratch& memory) const
+  {
+    if (this->Variance && !this->Halves)
+      return this->Variance;
+    const quell::Rect grown = tile.grown(reach).clipped((this->Halves ? this->HalfA : this->Radiance).extent);
+    const int components = this->Halves ? 3 : 1;
+    const quell::ImageOut made(
+      memory.Take(std::size_t(grown.area()) * components + quell::FeatureNoiseScratch(grown)), components, grown);
+    if (this->Variance)
+      for (int y = grown.y0; y < grown.y1; ++y)
+        for (int x = grown.x0; x < grown.x1; ++x)
+          for (int c = 0; c < 3; ++c)
+            made.at(x, y)[c] = 2 * this->Variance.at(x, y)[this->Variance.components == 3 ? c : 0];
+    else if (this->Halves)
+      HalfVariance(this->HalfA, this->HalfB, made);
+    else
+      quell::FeatureNoise(this->Radiance, quell::ImageIn(), depth, made, grown, made.data + grown.area());
+    return made;
+  }
+
+  /// quell::NonLocal of `target` with the weights of `guide`.
+  std::int64_t Filter(quell::NonLocalInputs in, const quell::NonLocalParameters& p, const quell::ImageIn& target,
+    const quell::ImageIn& guide, const quell::ImageOut& result, const quell::Rect& tile) const
+  {
+    static thread_local quell::Scratch planes, noise;
+    in.target = target;
+    in.guide = guide;
+    in.variance = this->NoiseOf(in.depth, tile, quell::NonLocalHalo(p.radius, p.patch, p.regress), noise);
+    return quell::NonLocal(in, p, result, tile, planes.Take(quell::NonLocalScratch(in, p, tile)));
+  }
+
+  quell::ImageIn Radiance, HalfA, HalfB, Variance;
+  bool Halves;
+};
+
 /// Which of two bandwidths the halves ask for at each pixel of `region`: `finish(tile, candidates, narrow)` gets both
 /// halves of both candidates, the narrow one first, and in the first channel of `narrow` its part.
-template <class Filter, class Noise, class Loop, class Finish>
-void SelectWidths(const quell::NonLocalInputs& in, const quell::NonLocalParameters& p, const quell::ImageIn& radiance,
-  const quell::ImageIn& halfA, const quell::ImageIn& halfB, double narrowColor, const quell::Rect& region,
-  const quell::Rect& whole, const Filter& filter, const Noise& noiseOf, const Loop& loop, const Finish& finish)
+template <class Loop, class Finish>
+void SelectWidths(const Pictures& pictures, const quell::NonLocalInputs& in, const quell::NonLocalParameters& p,
+  double narrowColor, const quell::Rect& region, const quell::Rect& whole, const Loop& loop, const Finish& finish)
 {
+  const quell::ImageIn &radiance = pictures.Radiance, &halfA = pictures.HalfA, &halfB = pictures.HalfB;
   // Two candidates where their errors are looked at, errors where the choice is, and the choice where it is smoothed.
   quell::NonLocalParameters smooth;
   smooth.radius = SmoothRadius;
@@ -268,11 +293,11 @@ void SelectWidths(const quell::NonLocalInputs& in, const quell::NonLocalParamete
       {
         quell::NonLocalParameters candidate = p;
         candidate.kColor = widths[k];
-        filter(in, candidate, halfA, halfB, candidates[k][0], tile);
-        filter(in, candidate, halfB, halfA, candidates[k][1], tile);
+        pictures.Filter(in, candidate, halfA, halfB, candidates[k][0], tile);
+        pictures.Filter(in, candidate, halfB, halfA, candidates[k][1], tile);
       }
       static thread_local quell::Scratch noise;
-      const quell::ImageIn ofHalf = noiseOf(tile, 0, noise);
+      const quell::ImageIn ofHalf = pictures.NoiseOf(in.depth, tile, 0, noise);
       for (int y = tile.y0; y < tile.y1; ++y)
         for (int x = tile.x0; x < tile.x1; ++x)
         {
@@ -297,7 +322,7 @@ void SelectWidths(const quell::NonLocalInputs& in, const quell::NonLocalParamete
     inner,
     [&](const quell::Rect& tile)
     {
-      filter(plain, smooth, errors, radiance, smoothed, tile);
+      pictures.Filter(plain, smooth, errors, radiance, smoothed, tile);
       for (int y = tile.y0; y < tile.y1; ++y)
         for (int x = tile.x0; x < tile.x1; ++x)
         {
@@ -313,68 +338,112 @@ void SelectWidths(const quell::NonLocalInputs& in, const quell::NonLocalParamete
     {
       static thread_local quell::Scratch results;
       const quell::ImageOut narrow(results.Take(std::size_t(tile.area()) * 3), 3, tile);
-      filter(plain, smooth, choice, radiance, narrow, tile);
+      pictures.Filter(plain, smooth, choice, radiance, narrow, tile);
       finish(tile, candidates, quell::ImageIn(narrow));
     },
     0.9, 1);
+}
+
+/// Pixels of the window are marked, three at a time, and filtered with the weights that the picture was filtered with.
+quell::PixelWeights::Part MeanWeights(
+  quell::NonLocalInputs in, const quell::NonLocalParameters& p, const quell::Rect& pixel)
+{
+  const quell::ImageIn target = in.target;
+  quell::PixelWeights::Part part;
+  part.Window = pixel.grown(std::max(1, p.radius)).clipped(target.extent);
+  part.Weights.resize(std::size_t(part.Window.area()));
+  const quell::Rect around = pixel.grown(quell::NonLocalHalo(p.radius, p.patch, p.regress)).clipped(target.extent);
+  std::vector<float> values(3 * std::size_t(around.area()));
+  const quell::ImageOut marks(values.data(), 3, around);
+  for (int y = around.y0; y < around.y1; ++y)
+    for (int x = around.x0; x < around.x1; ++x)
+      std::fill_n(marks.at(x, y), 3, quell::Finite3(target.at(x, y)) ? 0.f : std::numeric_limits<float>::quiet_NaN());
+  in.target = marks;
+  const int width = part.Window.width();
+  const auto at = [&](std::size_t i)
+  { return marks.at(part.Window.x0 + int(i) % width, part.Window.y0 + int(i) / width); };
+  quell::Scratch planes;
+  for (std::size_t i = 0; i < part.Weights.size(); i += 3)
+  {
+    const std::size_t end = std::min(part.Weights.size(), i + 3);
+    float result[3] = {};
+    for (std::size_t k = i; k < end; ++k)
+      if (quell::Finite3(at(k)))
+        at(k)[k % 3] = 1;
+    quell::NonLocal(in, p, quell::ImageOut(result, 3, pixel), pixel, planes.Take(quell::NonLocalScratch(in, p, pixel)));
+    for (std::size_t k = i; k < end; ++k)
+      if (quell::Finite3(at(k)))
+      {
+        part.Weights[k] = result[k % 3];
+        at(k)[k % 3] = 0;
+      }
+  }
+  return part;
+}
+
+/// Of the models of both bandwidths; `narrow` is the part of the narrow one.
+quell::PixelWeights::Part ModelWeights(const quell::NonLocalInputs& in, const quell::NonLocalParameters& p,
+  double narrowColor, double narrow, const quell::Rect& pixel)
+{
+  quell::PixelWeights::Part part;
+  part.Window = pixel.grown(std::max(1, 2 * p.radius)).clipped(in.target.extent);
+  part.Weights.assign(std::size_t(part.Window.area()), 0.f);
+  std::vector<float> made(part.Weights.size());
+  for (int k = 0; k < 2; ++k)
+  {
+    const double mix = k == 0 ? 1 - narrow : narrow;
+    if (!(mix > 0))
+      continue;
+    quell::NonLocalParameters candidate = p;
+    candidate.kColor = k == 0 ? p.kColor : narrowColor;
+    quell::NonLocalRegressionWeights(in, candidate, pixel.x0, pixel.y0, quell::ImageOut(made.data(), 1, part.Window));
+    double sum[3] = {};
+    std::size_t i = 0;
+    for (int y = part.Window.y0; y < part.Window.y1; ++y)
+      for (int x = part.Window.x0; x < part.Window.x1; ++x, ++i)
+      {
+        for (int c = 0; c < 3 && made[i] != 0; ++c)
+          sum[c] += double(made[i]) * double(in.target.at(x, y)[c]);
+        part.Weights[i] += float(mix * double(made[i]));
+      }
+    for (int c = 0; c < 3; ++c)
+      if (sum[c] < std::min(0., double(in.target.at(pixel.x0, pixel.y0)[c])))
+        throw quell::StageError("the model is below 0 here and cut off: no weights stand for that");
+  }
+  return part;
 }
 }
 
 void vtkQuellNonLocalFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights& weights)
 {
-  const quell::ImageIn halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
-  const bool halves = halfA && halfB;
-  const quell::ImageIn radiance = frame.Input(Radiance), variance = frame.Input(Variance);
+  const Pictures pictures(frame);
+  const quell::ImageIn &halfA = pictures.HalfA, &halfB = pictures.HalfB;
   const quell::Rect pixel = frame.Region();
-  quell::NonLocalInputs in = this->Guides(frame);
   const quell::NonLocalParameters p = this->Parameters();
-  const int halo = quell::NonLocalHalo(p.radius, p.patch, p.regress);
-  quell::Scratch noise, planes;
-  in.variance = NoiseOf(radiance, halfA, halfB, variance, in.depth, pixel, halo, noise);
-  if (p.regress)
-  {
-    this->WeighModels(frame, in, p, weights);
-    return;
-  }
-  // Pixels of the window are marked, three at a time, and filtered with the weights that the picture was filtered with.
+  quell::NonLocalInputs in = this->Guides(frame);
+  double narrow = 0;
+  if (pictures.Halves && this->Selects())
+    SelectWidths(
+      pictures, in, p, this->KColorNarrow, pixel, frame.Whole(),
+      [](const quell::Rect& rect, const auto& work, double, double) { work(rect); },
+      [&](const quell::Rect&, const quell::ImageOut[2][2], const quell::ImageIn& part)
+      { narrow = double(part.at(pixel.x0, pixel.y0)[0]); });
+  quell::Scratch noise;
+  in.variance = pictures.NoiseOf(in.depth, pixel, quell::NonLocalHalo(p.radius, p.patch, p.regress), noise);
   const auto weigh = [&](const quell::ImageIn& target, const quell::ImageIn& guide, const char* name, float share)
   {
-    quell::PixelWeights::Part part;
-    part.Input = name;
-    part.Window = pixel.grown(std::max(1, p.radius)).clipped(target.extent);
-    part.Weights.resize(std::size_t(part.Window.area()));
-    const quell::Rect around = pixel.grown(halo).clipped(target.extent);
-    std::vector<float> values(3 * std::size_t(around.area()));
-    const quell::ImageOut marks(values.data(), 3, around);
-    for (int y = around.y0; y < around.y1; ++y)
-      for (int x = around.x0; x < around.x1; ++x)
-        std::fill_n(marks.at(x, y), 3, quell::Finite3(target.at(x, y)) ? 0.f : std::numeric_limits<float>::quiet_NaN());
-    in.target = marks;
+    in.target = target;
     in.guide = guide;
-    const int width = part.Window.width();
-    const auto at = [&](std::size_t i)
-    { return marks.at(part.Window.x0 + int(i) % width, part.Window.y0 + int(i) / width); };
-    for (std::size_t i = 0; i < part.Weights.size(); i += 3)
-    {
-      const std::size_t end = std::min(part.Weights.size(), i + 3);
-      float result[3] = {};
-      for (std::size_t k = i; k < end; ++k)
-        if (quell::Finite3(at(k)))
-          at(k)[k % 3] = 1;
-      quell::NonLocal(
-        in, p, quell::ImageOut(result, 3, pixel), pixel, planes.Take(quell::NonLocalScratch(in, p, pixel)));
-      for (std::size_t k = i; k < end; ++k)
-        if (quell::Finite3(at(k)))
-        {
-          part.Weights[k] = share * result[k % 3];
-          at(k)[k % 3] = 0;
-        }
-    }
+    quell::PixelWeights::Part part =
+      p.regress ? ModelWeights(in, p, this->KColorNarrow, narrow, pixel) : MeanWeights(in, p, pixel);
+    part.Input = name;
+    for (float& w : part.Weights)
+      w *= share;
     weights.Parts.push_back(std::move(part));
   };
-  if (!halves)
+  if (!pictures.Halves)
   {
-    weigh(radiance, radiance, "radiance", 1);
+    weigh(pictures.Radiance, pictures.Radiance, "radiance", 1);
     return;
   }
   // A half that is not finite at the pixel leaves it to the other one.
@@ -385,106 +454,15 @@ void vtkQuellNonLocalFilter::Weigh(quell::StageFrame& frame, quell::PixelWeights
     weigh(halfB, halfA, "halfB", a == b ? 0.5f : 1.f);
 }
 
-void vtkQuellNonLocalFilter::WeighModels(
-  quell::StageFrame& frame, quell::NonLocalInputs in, const quell::NonLocalParameters& p, quell::PixelWeights& weights)
-{
-  const quell::ImageIn halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
-  const quell::ImageIn radiance = frame.Input(Radiance), variance = frame.Input(Variance);
-  const bool halves = halfA && halfB;
-  const quell::Rect pixel = frame.Region();
-  double narrow = 0;
-  if (halves && this->Selects())
-  {
-    quell::Scratch planes, noise, ofTile;
-    const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory)
-    { return NoiseOf(radiance, halfA, halfB, variance, in.depth, tile, reach, memory); };
-    const auto filter = [&](quell::NonLocalInputs local, const quell::NonLocalParameters& parameters,
-                          const quell::ImageIn& target, const quell::ImageIn& guide, const quell::ImageOut& result,
-                          const quell::Rect& tile)
-    {
-      local.target = target;
-      local.guide = guide;
-      local.variance =
-        noiseOf(tile, quell::NonLocalHalo(parameters.radius, parameters.patch, parameters.regress), noise);
-      return quell::NonLocal(
-        local, parameters, result, tile, planes.Take(quell::NonLocalScratch(local, parameters, tile)));
-    };
-    SelectWidths(
-      in, p, radiance, halfA, halfB, this->KColorNarrow, pixel, frame.Whole(), filter, noiseOf,
-      [](const quell::Rect& rect, const auto& work, double, double) { work(rect); },
-      [&](const quell::Rect&, const quell::ImageOut[2][2], const quell::ImageIn& part)
-      { narrow = double(part.at(pixel.x0, pixel.y0)[0]); });
-  }
-  const auto weigh = [&](const quell::ImageIn& target, const quell::ImageIn& guide, const char* name, double share)
-  {
-    quell::PixelWeights::Part part;
-    part.Input = name;
-    part.Window = pixel.grown(std::max(1, 2 * p.radius)).clipped(target.extent);
-    part.Weights.assign(std::size_t(part.Window.area()), 0.f);
-    std::vector<float> made(part.Weights.size());
-    in.target = target;
-    in.guide = guide;
-    for (int k = 0; k < 2; ++k)
-    {
-      const double mix = k == 0 ? 1 - narrow : narrow;
-      if (!(mix > 0))
-        continue;
-      quell::NonLocalParameters candidate = p;
-      candidate.kColor = k == 0 ? p.kColor : this->KColorNarrow;
-      quell::NonLocalRegressionWeights(in, candidate, pixel.x0, pixel.y0, quell::ImageOut(made.data(), 1, part.Window));
-      double sum[3] = {};
-      std::size_t i = 0;
-      for (int y = part.Window.y0; y < part.Window.y1; ++y)
-        for (int x = part.Window.x0; x < part.Window.x1; ++x, ++i)
-        {
-          for (int c = 0; c < 3 && made[i] != 0; ++c)
-            sum[c] += double(made[i]) * double(target.at(x, y)[c]);
-          part.Weights[i] += float(share * mix * double(made[i]));
-        }
-      for (int c = 0; c < 3; ++c)
-        if (sum[c] < std::min(0., double(target.at(pixel.x0, pixel.y0)[c])))
-          throw quell::StageError("the model is below 0 here and cut off: no weights stand for that");
-    }
-    weights.Parts.push_back(std::move(part));
-  };
-  quell::Scratch memory;
-  in.variance =
-    NoiseOf(radiance, halfA, halfB, variance, in.depth, pixel, quell::NonLocalHalo(p.radius, p.patch, true), memory);
-  if (!halves)
-  {
-    weigh(radiance, radiance, "radiance", 1);
-    return;
-  }
-  const bool a = quell::Finite3(halfA.at(pixel.x0, pixel.y0)), b = quell::Finite3(halfB.at(pixel.x0, pixel.y0));
-  if (a || !b)
-    weigh(halfA, halfB, "halfA", a == b ? 0.5 : 1.);
-  if (b || !a)
-    weigh(halfB, halfA, "halfB", a == b ? 0.5 : 1.);
-}
-
 void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
 {
-  const quell::ImageIn radiance = frame.Input(Radiance), halfA = frame.Input(HalfA), halfB = frame.Input(HalfB);
-  const quell::ImageIn variance = frame.Input(Variance);
-  const bool halves = halfA && halfB;
+  const Pictures pictures(frame);
+  const quell::ImageIn &radiance = pictures.Radiance, &halfA = pictures.HalfA, &halfB = pictures.HalfB;
   const quell::NonLocalInputs in = this->Guides(frame);
   const quell::NonLocalParameters p = this->Parameters();
   const quell::ImageOut out = frame.Output("radiance"), varianceOut = frame.Output("variance");
   const quell::Rect region = frame.Region();
   this->NonFinite.Begin(frame.Region(), frame.Tick());
-  const auto noiseOf = [&](const quell::Rect& tile, int reach, quell::Scratch& memory)
-  { return NoiseOf(radiance, halfA, halfB, variance, in.depth, tile, reach, memory); };
-  const auto filter = [&](quell::NonLocalInputs local, const quell::NonLocalParameters& parameters,
-                        const quell::ImageIn& target, const quell::ImageIn& guide, const quell::ImageOut& result,
-                        const quell::Rect& tile)
-  {
-    static thread_local quell::Scratch planes, noise;
-    local.target = target;
-    local.guide = guide;
-    local.variance = noiseOf(tile, quell::NonLocalHalo(parameters.radius, parameters.patch, parameters.regress), noise);
-    return quell::NonLocal(
-      local, parameters, result, tile, planes.Take(quell::NonLocalScratch(local, parameters, tile)));
-  };
   const auto store = [&](const quell::ImageIn& a, const quell::ImageIn& b, const quell::Rect& tile)
   {
     for (int y = tile.y0; y < tile.y1; ++y)
@@ -510,40 +488,35 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
       }
   };
   const std::int64_t side = 2 * this->Radius + 1;
-  this->Counters.Taps += region.area() * side * side * (halves ? 2 : 1) * (this->Selects() && halves ? 2 : 1);
+  this->Counters.Taps +=
+    region.area() * side * side * (pictures.Halves ? 2 : 1) * (this->Selects() && pictures.Halves ? 2 : 1);
 
-  if (!halves)
+  if (!pictures.Halves)
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& whole)
-      {
-        this->NonFinite.Apart(whole,
-          [&](const quell::Rect& tile)
-          {
-            static thread_local quell::Scratch spare;
-            this->NonFinite.Add(
-              tile, filter(in, p, radiance, radiance,
-                      out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile));
-          });
-      });
+      this->NonFinite.Counting(
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch spare;
+          return pictures.Filter(in, p, radiance, radiance,
+            out ? out : quell::ImageOut(spare.Take(std::size_t(tile.area()) * 3), 3, tile), tile);
+        }));
   else if (!this->Selects())
     this->ForEachTile(region, TileSize,
-      [&](const quell::Rect& whole)
-      {
-        this->NonFinite.Apart(whole,
-          [&](const quell::Rect& tile)
-          {
-            static thread_local quell::Scratch results;
-            const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
-            const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
-            this->NonFinite.Add(tile, filter(in, p, halfA, halfB, a, tile));
-            this->NonFinite.Add(tile, filter(in, p, halfB, halfA, b, tile));
-            store(a, b, tile);
-          });
-      });
+      this->NonFinite.Counting(
+        [&](const quell::Rect& tile)
+        {
+          static thread_local quell::Scratch results;
+          const quell::ImageOut a(results.Take(std::size_t(tile.area()) * 6), 3, tile);
+          const quell::ImageOut b(a.data + tile.area() * 3, 3, tile);
+          const std::int64_t bad =
+            pictures.Filter(in, p, halfA, halfB, a, tile) + pictures.Filter(in, p, halfB, halfA, b, tile);
+          store(a, b, tile);
+          return bad;
+        }));
   else
   {
     SelectWidths(
-      in, p, radiance, halfA, halfB, this->KColorNarrow, region, frame.Whole(), filter, noiseOf,
+      pictures, in, p, this->KColorNarrow, region, frame.Whole(),
       [&](const quell::Rect& rect, const auto& work, double from, double to)
       { this->ForEachTile(rect, TileSize, work, from, to); },
       [&](const quell::Rect& tile, const quell::ImageOut candidates[2][2], const quell::ImageIn& narrow)
@@ -564,5 +537,6 @@ void vtkQuellNonLocalFilter::Execute(quell::StageFrame& frame)
         store(candidates[1][0], candidates[1][1], tile);
       });
   }
-  this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, halves ? "the halves" : "radiance");
+  this->NonFinite.Report(
+    this->Counters, this->Warnings, this->CountedWarning, pictures.Halves ? "the halves" : "radiance");
 }

@@ -88,8 +88,6 @@ private:
   GuideSettings SettingsOf(int port, int connection) const;
   quell::NonLocalInputs Guides(quell::StageFrame& frame);
   quell::NonLocalParameters Parameters() const;
-  void WeighModels(quell::StageFrame& frame, quell::NonLocalInputs in, const quell::NonLocalParameters& p,
-    quell::PixelWeights& weights);
 
   std::map<std::pair<int, int>, GuideSettings> Settings; ///< by port and connection
   quell::PixelCount NonFinite;

@@ -75,7 +75,7 @@ void vtkQuellNormalSnap::Execute(quell::StageFrame& frame)
 
 void vtkQuellNormalSnap::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  this->NonFinite.Apart(tile,
+  this->NonFinite.Count(tile,
     [&](const quell::Rect& part)
     {
       quell::SnapNormalsInputs in;
@@ -87,6 +87,6 @@ void vtkQuellNormalSnap::ExecuteTile(const quell::StageFrame& frame, const quell
       quell::SnapNormalsParameters p;
       p.sigmaDepth = this->SigmaDepth;
       p.mixedVariance = this->MixedVariance;
-      this->NonFinite.Add(part, quell::SnapNormals(in, p, frame.Output("normal"), part));
+      return quell::SnapNormals(in, p, frame.Output("normal"), part);
     });
 }

@@ -103,29 +103,21 @@ void vtkQuellRedistribute::Execute(quell::StageFrame& frame)
 
   this->NonFinite.Begin(frame.Region(), frame.Tick());
   if (this->Over == Image)
-    this->ForEachTile(
-      frame.Region(), 64,
-      [&](const quell::Rect& whole)
-      {
-        this->NonFinite.Apart(whole, [&](const quell::Rect& tile)
-          { this->NonFinite.Add(tile, quell::RedistributeEvenly(in.radiance, in.residual, sum, out, tile)); });
-      },
+    this->ForEachTile(frame.Region(), 64,
+      this->NonFinite.Counting(
+        [&](const quell::Rect& tile) { return quell::RedistributeEvenly(in.radiance, in.residual, sum, out, tile); }),
       0.2, 1);
   else
   {
     const quell::RedistributeParameters p{ this->Radius, this->Sigma, this->Threshold, this->SigmaNormal,
       this->SigmaDepth };
-    this->ForEachTile(
-      frame.Region(), 64,
-      [&](const quell::Rect& whole)
-      {
-        this->NonFinite.Apart(whole,
-          [&](const quell::Rect& tile)
-          {
-            std::vector<double> scratch(quell::RedistributeScratch(tile));
-            this->NonFinite.Add(tile, quell::Redistribute(in, p, out, tile, scratch.data()));
-          });
-      },
+    this->ForEachTile(frame.Region(), 64,
+      this->NonFinite.Counting(
+        [&](const quell::Rect& tile)
+        {
+          std::vector<double> scratch(quell::RedistributeScratch(tile));
+          return quell::Redistribute(in, p, out, tile, scratch.data());
+        }),
       0.2, 1);
   }
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance or residual");

@@ -127,16 +127,12 @@ void vtkQuellSampleFilter::Execute(quell::StageFrame& frame)
   const quell::ImageOut out = frame.Output("radiance");
   this->NonFinite.Begin(frame.Region(), frame.Tick());
   this->ForEachTile(frame.Region(), 64,
-    [&](const quell::Rect& whole)
-    {
-      this->NonFinite.Apart(whole,
-        [&](const quell::Rect& tile)
-        {
-          static thread_local quell::Scratch scratch;
-          this->NonFinite.Add(
-            tile, quell::SampleFilter(in, p, out, tile, scratch.Take(quell::SampleFilterScratch(in, p, tile))));
-        });
-    });
+    this->NonFinite.Counting(
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch scratch;
+        return quell::SampleFilter(in, p, out, tile, scratch.Take(quell::SampleFilterScratch(in, p, tile)));
+      }));
   const std::int64_t side = 2 * this->Radius + 1;
   this->Counters.Taps += frame.Region().area() * side * side * count * (this->Pairs ? count : 1);
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "the samples");

@@ -38,11 +38,13 @@ void vtkQuellSum::Execute(quell::StageFrame& frame)
 
 void vtkQuellSum::ExecuteTile(const quell::StageFrame& frame, const quell::Rect& tile) const
 {
-  this->NonFinite.Apart(tile,
+  this->NonFinite.Count(tile,
     [&](const quell::Rect& part)
     {
       const quell::ImageOut out = frame.Output("radiance");
+      std::int64_t bad = 0;
       for (int c = 0; c < frame.Connections(0); ++c)
-        this->NonFinite.Add(part, quell::AddTerm(frame.Input(0, c), c == 0, out, part));
+        bad += quell::AddTerm(frame.Input(0, c), c == 0, out, part);
+      return bad;
     });
 }

@@ -94,16 +94,12 @@ void vtkQuellVarianceSteeredFilter::Execute(quell::StageFrame& frame)
   this->NonFinite.Begin(frame.Region(), frame.Tick());
   // What is around a tile is judged again with it: larger tiles waste less.
   this->ForEachTile(frame.Region(), TileSize,
-    [&](const quell::Rect& whole)
-    {
-      this->NonFinite.Apart(whole,
-        [&](const quell::Rect& tile)
-        {
-          static thread_local quell::Scratch scratch;
-          this->NonFinite.Add(
-            tile, quell::VarianceSteered(in, p, out, tile, scratch.Take(quell::VarianceSteeredScratch(in, p, tile))));
-        });
-    });
+    this->NonFinite.Counting(
+      [&](const quell::Rect& tile)
+      {
+        static thread_local quell::Scratch scratch;
+        return quell::VarianceSteered(in, p, out, tile, scratch.Take(quell::VarianceSteeredScratch(in, p, tile)));
+      }));
   const std::int64_t side = 2 * quell::VarianceSteeredRadius(this->Scales) + 1;
   this->Counters.Taps += frame.Region().area() * side * side;
   this->NonFinite.Report(this->Counters, this->Warnings, this->CountedWarning, "radiance");

@@ -493,6 +493,36 @@ bool IsTap(const NonLocalInputs& in, int x, int y) noexcept
 {
   return Finite3(in.target.at(x, y)) && Finite3(in.guide.at(x, y)) && (!in.depth || Finite(*in.depth.at(x, y)));
 }
+/// V of the guide's channel c.
+float GuideVariance(const NonLocalInputs& in, int x, int y, int c) noexcept
+{
+  return in.variance ? std::max(0.f, Sane(in.variance.at(x, y)[in.variance.components == 3 ? c : 0])) : 0.f;
+}
+/// F(p, q) of one feature, before it is kept above 0; `gradient` is SquaredGradient(f, px, py).
+double FeatureExponent(
+  const NonLocalFeature& f, double kFeature, int px, int py, int qx, int qy, double gradient) noexcept
+{
+  double square = 0;
+  for (int c = 0; c < f.value.components; ++c)
+  {
+    const double d = double(Sane(f.value.at(px, py)[c])) - Sane(f.value.at(qx, qy)[c]);
+    square += d * d;
+  }
+  const double v = SummedVariance(f, px, py), w = SummedVariance(f, qx, qy);
+  return (square - (v + std::min(v, w))) /
+         (std::max(1e-30, kFeature * kFeature) * std::max({ f.least, 1e-30, v, gradient }));
+}
+/// What a model at p knows of q: 3 + RegressorComponents(in) columns.
+void ModelColumns(const NonLocalInputs& in, int radius, int px, int py, int qx, int qy, double* x) noexcept
+{
+  x[0] = 1;
+  x[1] = radius ? double(qx - px) / radius : 0;
+  x[2] = radius ? double(qy - py) / radius : 0;
+  int n = 3;
+  for (int k = 0; k < in.regressorCount; ++k)
+    for (int c = 0; c < in.regressors[k].value.components; ++c)
+      x[n++] = double(Sane(in.regressors[k].value.at(qx, qy)[c])) - Sane(in.regressors[k].value.at(px, py)[c]);
+}
 }
 
 double NonLocalDistance(double up, double uq, double vp, double vq, double k, double epsilon)
@@ -555,8 +585,7 @@ std::int64_t NonLocal(
       {
         t.target[c][i] = color[c];
         t.guide[c][i] = Sane(guide[c]);
-        t.variance[c][i] =
-          in.variance ? std::max(0.f, Sane(in.variance.at(x, y)[in.variance.components == 3 ? c : 0])) : 0.f;
+        t.variance[c][i] = GuideVariance(in, x, y, c);
       }
       t.valid[i] = IsTap(in, x, y) ? 1.f : 0.f;
     });
@@ -671,8 +700,6 @@ void NonLocalRegressionWeights(
         gradients[std::size_t(k) * std::size_t(centres.area()) +
                   std::size_t((py - centres.y0) * centres.width() + px - centres.x0)] =
           SquaredGradient(in.weighing[k], px, py);
-  const auto variance = [&](int qx, int qy, int c)
-  { return in.variance ? std::max(0.f, Sane(in.variance.at(qx, qy)[in.variance.components == 3 ? c : 0])) : 0.f; };
   std::vector<double> distance(std::size_t(compared.area()));
   std::vector<char> counts(distance.size());
   for (int dy = -r; dy <= r; ++dy)
@@ -687,7 +714,7 @@ void NonLocalRegressionWeights(
           distance[i] = 0;
           for (int c = 0; c < 3 && counts[i]; ++c)
             distance[i] += NonLocalDistance(Sane(in.guide.at(ax, ay)[c]), Sane(in.guide.at(bx, by)[c]),
-                             variance(ax, ay, c), variance(bx, by, c), p.kColor, p.epsilon) /
+                             GuideVariance(in, ax, ay, c), GuideVariance(in, bx, by, c), p.kColor, p.epsilon) /
                            3;
         }
       for (int py = centres.y0; py < centres.y1; ++py)
@@ -707,38 +734,15 @@ void NonLocalRegressionWeights(
               n += counts[a];
             }
           double exponent = std::max(0., sum / std::max(1, n));
+          const std::size_t centre = std::size_t((py - centres.y0) * centres.width() + px - centres.x0);
           for (int k = 0; k < in.weighingCount; ++k)
-          {
-            const NonLocalFeature& f = in.weighing[k];
-            double square = 0;
-            for (int c = 0; c < f.value.components; ++c)
-            {
-              const double d = double(Sane(f.value.at(px, py)[c])) - Sane(f.value.at(qx, qy)[c]);
-              square += d * d;
-            }
-            const double v = SummedVariance(f, px, py), w = SummedVariance(f, qx, qy);
-            const double gradient = gradients[std::size_t(k) * std::size_t(centres.area()) +
-                                              std::size_t((py - centres.y0) * centres.width() + px - centres.x0)];
-            exponent = std::max(
-              exponent, (square - (v + std::min(v, w))) /
-                          (std::max(1e-30, p.kFeature * p.kFeature) * std::max({ f.least, 1e-30, v, gradient })));
-          }
+            exponent = std::max(exponent, FeatureExponent(in.weighing[k], p.kFeature, px, py, qx, qy,
+                                            gradients[std::size_t(k) * std::size_t(centres.area()) + centre]));
           weight(px, py, dx, dy) = exponent <= 80 ? std::exp(-exponent) : 0.;
         }
     }
   // Each model around says C(p) + x(q) b, and b is a sum over its taps: one system solved gives all of their parts.
   std::vector<double> gram(std::size_t(m) * std::size_t(m)), scale(m), h(m), a(m), own(m);
-  const auto columns = [&](int px, int py, int qx, int qy, std::vector<double>& c)
-  {
-    c[0] = 1;
-    c[1] = r ? double(qx - px) / r : 0;
-    c[2] = r ? double(qy - py) / r : 0;
-    int n = 3;
-    for (int k = 0; k < in.regressorCount; ++k)
-      for (int j = 0; j < in.regressors[k].value.components; ++j)
-        c[std::size_t(n++)] =
-          double(Sane(in.regressors[k].value.at(qx, qy)[j])) - Sane(in.regressors[k].value.at(px, py)[j]);
-  };
   std::vector<double> sums(std::size_t(weights.extent.area()), 0.);
   const auto at = [&](int qx, int qy) -> double&
   {
@@ -763,7 +767,7 @@ void NonLocalRegressionWeights(
       forTaps(
         [&](int qx, int qy, double w)
         {
-          columns(px, py, qx, qy, a);
+          ModelColumns(in, r, px, py, qx, qy, a.data());
           for (int i = 0; i < m; ++i)
             for (int j = 0; j < m; ++j)
               gram[std::size_t(i * m + j)] += w * a[std::size_t(i)] * a[std::size_t(j)];
@@ -776,7 +780,7 @@ void NonLocalRegressionWeights(
       for (int i = 0; i < m; ++i)
         for (int j = 0; j < m; ++j)
           gram[std::size_t(i * m + j)] *= scale[std::size_t(i)] * scale[std::size_t(j)];
-      columns(px, py, x, y, own);
+      ModelColumns(in, r, px, py, x, y, own.data());
       for (int i = 0; i < m; ++i)
       {
         double& pivot = gram[std::size_t(i * m + i)];
@@ -801,7 +805,7 @@ void NonLocalRegressionWeights(
       forTaps(
         [&](int qx, int qy, double w)
         {
-          columns(px, py, qx, qy, a);
+          ModelColumns(in, r, px, py, qx, qy, a.data());
           double part = 0;
           for (int i = 0; i < m; ++i)
             part += h[std::size_t(i)] * scale[std::size_t(i)] * a[std::size_t(i)];
@@ -843,8 +847,6 @@ void NonLocalScalar(const NonLocalInputs& in, const NonLocalParameters& p, const
 {
   const Rect& e = in.target.extent;
   const int r = p.radius;
-  const auto variance = [&](int x, int y, int c)
-  { return in.variance ? std::max(0.f, Sane(in.variance.at(x, y)[in.variance.components == 3 ? c : 0])) : 0.f; };
   const auto weight = [&](int px, int py, int qx, int qy)
   {
     if (!e.contains(qx, qy) || !IsTap(in, qx, qy))
@@ -858,26 +860,15 @@ void NonLocalScalar(const NonLocalInputs& in, const NonLocalParameters& p, const
         if (!e.contains(ax, ay) || !e.contains(bx, by) || !IsTap(in, ax, ay) || !IsTap(in, bx, by))
           continue;
         for (int c = 0; c < 3; ++c)
-          sum += NonLocalDistance(Sane(in.guide.at(ax, ay)[c]), Sane(in.guide.at(bx, by)[c]), variance(ax, ay, c),
-                   variance(bx, by, c), p.kColor, p.epsilon) /
+          sum += NonLocalDistance(Sane(in.guide.at(ax, ay)[c]), Sane(in.guide.at(bx, by)[c]),
+                   GuideVariance(in, ax, ay, c), GuideVariance(in, bx, by, c), p.kColor, p.epsilon) /
                  3;
         ++n;
       }
     double exponent = std::max(0., sum / std::max(1, n));
     for (int k = 0; k < in.weighingCount; ++k)
-    {
-      const NonLocalFeature& f = in.weighing[k];
-      double square = 0;
-      for (int c = 0; c < f.value.components; ++c)
-      {
-        const double d = double(Sane(f.value.at(px, py)[c])) - Sane(f.value.at(qx, qy)[c]);
-        square += d * d;
-      }
-      const double v = SummedVariance(f, px, py), w = SummedVariance(f, qx, qy);
-      exponent = std::max(exponent,
-        (square - (v + std::min(v, w))) /
-          (std::max(1e-30, p.kFeature * p.kFeature) * std::max({ f.least, 1e-30, v, SquaredGradient(f, px, py) })));
-    }
+      exponent = std::max(
+        exponent, FeatureExponent(in.weighing[k], p.kFeature, px, py, qx, qy, SquaredGradient(in.weighing[k], px, py)));
     return exponent <= 80 ? std::exp(-exponent) : 0.;
   };
   const auto read = [&](int x, int y, double* c)
@@ -888,16 +879,6 @@ void NonLocalScalar(const NonLocalInputs& in, const NonLocalParameters& p, const
       c[k] = v[k];
   };
   const int m = p.regress ? 3 + RegressorComponents(in) : 1;
-  const auto columns = [&](int px, int py, int qx, int qy, double* x)
-  {
-    x[0] = 1;
-    x[1] = r ? double(qx - px) / r : 0;
-    x[2] = r ? double(qy - py) / r : 0;
-    int n = 3;
-    for (int k = 0; k < in.regressorCount; ++k)
-      for (int c = 0; c < in.regressors[k].value.components; ++c)
-        x[n++] = double(Sane(in.regressors[k].value.at(qx, qy)[c])) - Sane(in.regressors[k].value.at(px, py)[c]);
-  };
   const Rect centres = Centres(in, p, tile);
   std::vector<double> sums(std::size_t(centres.area()) * 4, 0.);
   for (int y = centres.y0; y < centres.y1; ++y)
@@ -935,7 +916,7 @@ void NonLocalScalar(const NonLocalInputs& in, const NonLocalParameters& p, const
         {
           double q[3];
           read(qx, qy, q);
-          columns(x, y, qx, qy, a.data());
+          ModelColumns(in, r, x, y, qx, qy, a.data());
           for (int i = 0; i < m; ++i)
           {
             for (int j = 0; j < m; ++j)
@@ -980,7 +961,7 @@ void NonLocalScalar(const NonLocalInputs& in, const NonLocalParameters& p, const
             return;
           double q[3];
           read(qx, qy, q);
-          columns(x, y, qx, qy, a.data());
+          ModelColumns(in, r, x, y, qx, qy, a.data());
           double* sum = &sums[(std::size_t(qy - centres.y0) * centres.width() + qx - centres.x0) * 4];
           for (int c = 0; c < 3; ++c)
           {

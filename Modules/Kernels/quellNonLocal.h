@@ -55,8 +55,8 @@ QUELLKERNELS_EXPORT double NonLocalDistance(double up, double uq, double vp, dou
 ///   w(p, q) = exp(-max(0, d, F))
 ///
 ///   mean:     C'(p) = C(p) + Sum_q w(p, q) (C(q) - C(p)) / Sum_q w(p, q)
-///   regress:  for every p the b that minimises Sum_q w(p, q) |C(q) - C(p) - b x|^2, x = (1, dx / r, dy / r, f(q) -
-///   f(p))
+///   regress:  for every p the b that minimises Sum_q w(p, q) |C(q) - C(p) - b x|^2,
+///             x = (1, dx / r, dy / r, f(q) - f(p))
 ///             (columns scaled to length 1, `ridge` on the diagonal but for the constant); each pixel gets the mean of
 ///             what the models around it predict for it, C'(q) = Sum_p w(p, q) (C(p) + b_p x) / Sum_p w(p, q), but not
 ///             less than min(0, C(q))
@@ -78,8 +78,8 @@ constexpr int NonLocalHalo(int radius, int patch, bool regress) noexcept
 {
   return (regress ? 2 : 1) * radius + patch + 1;
 }
-/// What the regression makes pixel (x, y) of: C' = Sum_q weights(q) C(q), before it is kept above min(0, C). `weights` has
-/// 1 component and covers the pixels within 2 radius, as far as the frame goes. In double; allocates.
+/// What the regression makes pixel (x, y) of: C' = Sum_q weights(q) C(q), before it is kept above min(0, C). `weights`
+/// has 1 component and covers the pixels within 2 radius, as far as the frame goes. In double; allocates.
 QUELLKERNELS_EXPORT void NonLocalRegressionWeights(
   const NonLocalInputs& in, const NonLocalParameters& parameters, int x, int y, const ImageOut& weights);
 /// The same straight from the formula in double, for tests.

@@ -51,6 +51,34 @@ std::shared_ptr<PipelineDocument> Empty()
   return d;
 }
 
+/// False: it cannot be opened, and the text is empty.
+bool ReadWhole(const std::string& file, std::string& text)
+{
+  std::ifstream stream(file, std::ios::binary);
+  std::stringstream all;
+  all << stream.rdbuf();
+  text = all.str();
+  return stream.is_open();
+}
+
+/// `document` with the places that it has in a file of that text; null where the text says something else. Included
+/// files are not read again.
+std::shared_ptr<PipelineDocument> LocatedIn(
+  const std::string& text, const std::string& file, const PipelineDocument& document)
+{
+  Diagnostics messages;
+  std::shared_ptr<PipelineDocument> located = ReadPipelineText(text, file, messages);
+  if (!located || *located != document || located->Includes.size() != document.Includes.size())
+  {
+    return nullptr;
+  }
+  for (std::size_t i = 0; i < located->Includes.size(); ++i)
+  {
+    located->Includes[i].Content = document.Includes[i].Content;
+  }
+  return located;
+}
+
 /// Places of texts keep naming the file they are from, so that relative paths go on being seen from there.
 PipelineText TextAt(const PipelineDocument& d, const std::string& value)
 {
@@ -131,8 +159,8 @@ bool EditDocument::Open(const std::string& file, std::vector<Diagnostic>& messag
 {
   Diagnostics d;
   std::error_code ec;
-  std::ifstream stream(file, std::ios::binary);
-  if (!fs::is_regular_file(file, ec) || !stream)
+  std::string text;
+  if (!fs::is_regular_file(file, ec) || !ReadWhole(file, text))
   {
     SourceLocation place;
     place.File = file;
@@ -140,8 +168,6 @@ bool EditDocument::Open(const std::string& file, std::vector<Diagnostic>& messag
     messages = d.All();
     return false;
   }
-  std::stringstream text;
-  text << stream.rdbuf();
   auto document = ReadPipelineFile(file, d);
   d.Sort();
   messages = d.All();
@@ -154,7 +180,7 @@ bool EditDocument::Open(const std::string& file, std::vector<Diagnostic>& messag
   }
   this->Set(document);
   this->Path = file;
-  this->SavedText = text.str();
+  this->SavedText = text;
   this->Now.Positions = this->SavedPositions = ReadPipelinePositions(this->SavedText);
   return true;
 }
@@ -235,20 +261,13 @@ bool EditDocument::Save(const std::string& file, std::string& error)
       {
         auto moved = std::make_shared<PipelineDocument>(*step.Before.Document);
         this->MovePaths(*moved, directory);
-        Diagnostics messages;
-        auto located = ReadPipelineText(PatchPipelineText(text, *moved), file, messages);
-        if (!located || *located != *moved || located->Includes.size() != moved->Includes.size())
+        step.Before.Document = LocatedIn(PatchPipelineText(text, *moved), file, *moved);
+        if (!step.Before.Document)
         {
           this->Undone.clear();
           this->Redone.clear();
           break;
         }
-        located->Directory = DirectoryOf(file);
-        for (std::size_t i = 0; i < located->Includes.size(); ++i)
-        {
-          located->Includes[i].Content = moved->Includes[i].Content;
-        }
-        step.Before.Document = located;
       }
     }
     this->MergeKey.clear();
@@ -265,10 +284,9 @@ bool EditDocument::ChangedOnDisk() const
   {
     return false;
   }
-  std::ifstream stream(this->Path, std::ios::binary);
-  std::stringstream text;
-  text << stream.rdbuf();
-  return text.str() != this->SavedText;
+  std::string text;
+  ReadWhole(this->Path, text);
+  return text != this->SavedText;
 }
 
 void EditDocument::MovePaths(PipelineDocument& d, const std::string& directory) const
@@ -364,18 +382,12 @@ void EditDocument::Commit(const std::string& label, const std::string& mergeKey)
 /// Messages name lines: those of what saving would write, not those of what was opened.
 void EditDocument::Locate()
 {
-  Diagnostics messages;
-  const std::shared_ptr<PipelineDocument> located = ReadPipelineText(this->Text(), this->Now.Document->File, messages);
-  if (!located || *located != *this->Now.Document || located->Includes.size() != this->Now.Document->Includes.size())
+  const PipelineDocument& now = *this->Now.Document;
+  if (const auto located = LocatedIn(this->Text(), now.File, now))
   {
-    return;
+    located->Directory = now.Directory;
+    this->Now.Document = located;
   }
-  located->Directory = this->Now.Document->Directory;
-  for (std::size_t i = 0; i < located->Includes.size(); ++i)
-  {
-    located->Includes[i].Content = this->Now.Document->Includes[i].Content;
-  }
-  this->Now.Document = located;
 }
 
 void EditDocument::Undo()

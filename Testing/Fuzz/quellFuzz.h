@@ -2,28 +2,24 @@
 #ifndef quellFuzz_h
 #define quellFuzz_h
 
+#include "quellFuzzWatch.h"
+
 #include <cstdint>
 #include <random>
 #include <string>
 #include <vector>
 
-/// A pipeline file that others are made from.
-struct FuzzSeed
-{
-  std::string File; ///< documents made from it are read under this name, so that what it includes is found
-  std::string Text;
-};
-
-/// Makes document after document from seeds. Document n is a function of (seed, n) alone.
+/// Makes document after document from seeds, under the seed's name: what it includes is found beside the seed. Document
+/// n is a function of (seed, n) alone.
 class FuzzMutator
 {
 public:
-  FuzzMutator(const std::vector<FuzzSeed>& seeds, std::uint64_t seed)
+  FuzzMutator(const std::vector<FuzzCase>& seeds, std::uint64_t seed)
     : Seeds(seeds)
     , Seed(seed)
   {
   }
-  FuzzSeed Make(std::uint64_t n);
+  FuzzCase Make(std::uint64_t n);
 
 private:
   std::size_t Below(std::size_t n) { return n ? std::size_t(this->Random() % n) : 0; }
@@ -35,7 +31,7 @@ private:
   void AddBlock(std::string& text);
   void Encode(std::string& text);
 
-  const std::vector<FuzzSeed>& Seeds;
+  const std::vector<FuzzCase>& Seeds;
   std::uint64_t Seed;
   std::mt19937_64 Random;
 };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellFuzzFiles.h"
+#include "quellFuzzTools.h"
 #include "quellImageFile.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
@@ -13,8 +14,6 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 
 using namespace quell;
@@ -23,22 +22,6 @@ namespace fs = std::filesystem;
 
 namespace
 {
-std::string Contents(const fs::path& file)
-{
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
-
-void Save(const fs::path& file, const std::string& text)
-{
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  if (!out.flush())
-    throw std::runtime_error("cannot write " + file.string());
-}
-
 /// Smooth and a little noisy, so that every codec has something to do.
 float Pixel(int x, int y, int c)
 {
@@ -85,6 +68,18 @@ void WriteWith(const fs::path& file, int width, int height, std::vector<std::str
     throw std::runtime_error("cannot write " + file.string() + ": " + out->geterror());
 }
 
+/// The library writes when an OpenEXR file was made. Documents are functions of the seed alone: all at one time.
+void SetDate(const fs::path& file)
+{
+  std::string bytes = Contents(file);
+  const std::string name("capDate\0string\0", 15), date = "2000:01:01 00:00:00";
+  const std::size_t at = bytes.find(name);
+  if (at == std::string::npos)
+    return; // not every version of the library does
+  bytes.replace(at + name.size() + 4, date.size(), date); // after the string's size
+  Save(file, bytes);
+}
+
 void WriteImages(const fs::path& directory)
 {
   vtkNew<vtkImageData> plain;
@@ -125,6 +120,8 @@ void WriteImages(const fs::path& directory)
   WriteWith(directory / "plain.ppm", 20, 12, { "R", "G", "B" }, OIIO::TypeUInt8, 0, "");
   WriteWith(directory / "float.pfm", 20, 12, { "R", "G", "B" }, OIIO::TypeFloat, 0, "");
   WriteWith(directory / "plain.webp", 24, 16, { "R", "G", "B", "A" }, OIIO::TypeUInt8, 0, "");
+  for (const fs::path& file : SeedFiles({ directory.string() }, ".exr"))
+    SetDate(file);
 }
 
 std::string Base64(const std::string& in)

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // quell-fuzz-files [options, see quellFuzzWatch.h] [FILE|DIRECTORY...]
 //
-// Reads mutated images (OpenEXR, PNG, JPEG, HDR, PNM; WebP, Targa, BMP in scenes) and scenes (glTF, GLB, OBJ with MTL) through the
-// doors that a pipeline opens them by. Seeds are made at the start (quellFuzzFileSeeds.cxx); files named are further
-// ones, such as findings of earlier runs. Promises:
+// Reads mutated images (OpenEXR, PNG, JPEG, HDR, PNM; WebP, Targa, BMP in scenes) and scenes (glTF, GLB, OBJ with MTL)
+// through the doors that a pipeline opens them by. Seeds are made at the start (quellFuzzFileSeeds.cxx); files named
+// are further ones, such as findings of earlier runs. Promises:
 // - reading ends with data or with an error: one line of readable text, with the file's name, not too long;
 // - an image has what its report says; of a good one a part has the pixels of the whole;
 // - a scene's numbers lead nowhere outside of it, it can be posed and deformed at any time, and traced.
 #include "quellFuzzFiles.h"
+#include "quellFuzzTools.h"
 #include "quellImageFile.h"
 #include "quellMemoryLimits.h"
 #include "quellScene.h"
@@ -24,40 +25,13 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <sstream>
-#include <stdexcept>
-#include <sys/wait.h>
-#include <unistd.h>
+#include <memory>
 
 namespace fs = std::filesystem;
 using namespace quell;
 
 namespace
 {
-std::string Contents(const fs::path& file)
-{
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
-
-void Promise(bool kept, const std::string& what)
-{
-  if (!kept)
-    throw std::runtime_error(what);
-}
-
-void CheckMessage(const std::string& text, const std::string& file)
-{
-  Promise(text.find(file) != std::string::npos, "a message without the file's name: " + text);
-  Promise(text.size() < 4000, "a message of " + std::to_string(text.size()) + " characters: " + text.substr(0, 300));
-  for (char c : text)
-    Promise((unsigned char)c >= 0x20 && c != 0x7F, "a message with control characters: " + text);
-}
-
 class Files : public FuzzTarget
 {
 public:
@@ -118,14 +92,6 @@ public:
   }
 
 private:
-  static void Save(const fs::path& file, const std::string& text)
-  {
-    std::ofstream out(file, std::ios::binary | std::ios::trunc);
-    out << text;
-    if (!out.flush())
-      throw std::runtime_error("cannot write " + file.string());
-  }
-
   bool CheckImage(const std::string& file, std::uint64_t n, std::string& error)
   {
     ReadOptions options;
@@ -277,78 +243,12 @@ private:
   std::vector<FuzzFileBomb> Bombs;
   FileMutator Mutator;
 };
-
-std::vector<FuzzCase> ReadSeeds(const std::vector<std::string>& paths)
-{
-  std::vector<fs::path> files;
-  for (const std::string& path : paths)
-    if (!fs::is_directory(path))
-      files.push_back(path);
-    else
-      for (const auto& entry : fs::directory_iterator(path))
-        if (entry.is_regular_file() && entry.path().has_extension())
-          files.push_back(entry.path());
-  std::sort(files.begin(), files.end()); // directories have no order of their own
-  std::vector<FuzzCase> seeds;
-  for (const fs::path& file : files)
-    if (std::string text = Contents(file); !text.empty())
-      seeds.push_back({ file.filename().string(), std::move(text) });
-  return seeds;
-}
-
-struct Place
-{
-  Place()
-  {
-    std::string pattern = (fs::temp_directory_path() / "quell-fuzz-XXXXXX").string();
-    if (!mkdtemp(&pattern[0]))
-      throw std::runtime_error("no temporary directory");
-    this->Path = pattern;
-  }
-  ~Place()
-  {
-    std::error_code code;
-    fs::remove_all(this->Path, code);
-  }
-  fs::path Path;
-};
 }
 
 int main(int argc, char** argv)
 {
-  FuzzOptions a;
-  if (const int status = ParseFuzzOptions(argc, argv, "quell-fuzz-files", a))
-    return status;
-  try
-  {
-    const Place place;
-    std::cout.flush();
-    // In a process of its own: libraries start threads, and workers are forked from this one.
-    const pid_t child = fork();
-    if (child == 0)
-    {
-      try
-      {
-        WriteFuzzSeeds(place.Path.string());
-        _exit(0);
-      }
-      catch (const std::exception& e)
-      {
-        std::cerr << "quell-fuzz-files: seeds: " << e.what() << std::endl;
-        _exit(1);
-      }
-    }
-    int status = 1;
-    if (child < 0 || waitpid(child, &status, 0) != child || status != 0)
-      throw std::runtime_error("no seeds");
-    std::vector<std::string> paths = a.Paths;
-    paths.push_back(place.Path.string());
-    Files files(place.Path, ReadSeeds(paths), a.Seed);
-    return WatchFuzz(a, files);
-  }
-  catch (const std::exception& e)
-  {
-    std::cerr << "quell-fuzz-files: " << e.what() << "\n";
-    return 2;
-  }
+  return RunFuzz(
+    argc, argv, "quell-fuzz-files", [](const fs::path& directory) { WriteFuzzSeeds(directory.string()); },
+    [](const fs::path& directory, std::vector<FuzzCase> seeds, std::uint64_t seed)
+    { return std::make_unique<Files>(directory, std::move(seeds), seed); });
 }

@@ -314,14 +314,14 @@ void FuzzMutator::Encode(std::string& text)
   text = out;
 }
 
-FuzzSeed FuzzMutator::Make(std::uint64_t n)
+FuzzCase FuzzMutator::Make(std::uint64_t n)
 {
   std::seed_seq sequence{ std::uint32_t(this->Seed), std::uint32_t(this->Seed >> 32), std::uint32_t(n),
     std::uint32_t(n >> 32) };
   this->Random.seed(sequence);
   // Files with mistakes have most of the rare things, good ones most of what lies behind the checks.
-  FuzzSeed document = this->Seeds[this->Below(this->Seeds.size())];
-  for (int i = 0; i < 2 && document.File.find("BadInput") != std::string::npos; ++i)
+  FuzzCase document = this->Seeds[this->Below(this->Seeds.size())];
+  for (int i = 0; i < 2 && document.Name.find("BadInput") != std::string::npos; ++i)
     document = this->Seeds[this->Below(this->Seeds.size())];
   std::string& text = document.Text;
   // A colour configuration is loaded for every view: most of a document's time, and always the same.

@@ -4,8 +4,7 @@
 // Reads mutated files of the program's own making, and colour configurations. Seeds are made at the start; files named
 // are further ones. Promises:
 // - a checkpoint (*.checkpoint) is refused with a sentence, or reads, writes the same bytes again, and the run that
-// goes
-//   on from it makes finite pixels or an error;
+//   goes on from it makes finite pixels or an error;
 // - a colour configuration (*.ocio) or a table that one refers to (*.cube, *.clf ...) gives values in [0, 1] or an
 //   error with the configuration's name;
 // - a cost model (*.json) leaves finite, positive costs.
@@ -13,6 +12,7 @@
 #include "quellCheckpoint.h"
 #include "quellCostModel.h"
 #include "quellFuzzFiles.h"
+#include "quellFuzzTools.h"
 #include "quellGraph.h"
 #include "quellPipelineExecutor.h"
 #include "quellPipelineReader.h"
@@ -27,16 +27,12 @@
 #include <OpenColorIO/OpenColorIO.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iostream>
+#include <memory>
 #include <sstream>
 #include <stdexcept>
-#include <sys/wait.h>
-#include <unistd.h>
 
 namespace fs = std::filesystem;
 namespace OCIO = OCIO_NAMESPACE;
@@ -44,36 +40,6 @@ using namespace quell;
 
 namespace
 {
-std::string Contents(const fs::path& file)
-{
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
-
-void Save(const fs::path& file, const std::string& text)
-{
-  std::ofstream out(file, std::ios::binary | std::ios::trunc);
-  out << text;
-  if (!out.flush())
-    throw std::runtime_error("cannot write " + file.string());
-}
-
-void Promise(bool kept, const std::string& what)
-{
-  if (!kept)
-    throw std::runtime_error(what);
-}
-
-void CheckMessage(const std::string& text, const std::string& word)
-{
-  Promise(text.find(word) != std::string::npos, "a message without \"" + word + "\": " + text);
-  Promise(text.size() < 4000, "a message of " + std::to_string(text.size()) + " characters: " + text.substr(0, 300));
-  for (char c : text)
-    Promise((unsigned char)c >= 0x20 && c != 0x7F, "a message with control characters: " + text);
-}
-
 /// Two frames of history a node, and samples that go on.
 const char* const PipelineText = R"xml(<pipeline version="1">
   <time first="0" count="6"/>
@@ -455,78 +421,11 @@ private:
   vtkNew<vtkImageData> Pixels;
   std::shared_ptr<quell::Graph> Graph;
 };
-
-std::vector<FuzzCase> ReadSeeds(const std::vector<std::string>& paths)
-{
-  std::vector<fs::path> files;
-  for (const std::string& path : paths)
-    if (!fs::is_directory(path))
-      files.push_back(path);
-    else
-      for (const auto& entry : fs::directory_iterator(path))
-        if (entry.is_regular_file() && entry.path().has_extension())
-          files.push_back(entry.path());
-  std::sort(files.begin(), files.end()); // directories have no order of their own
-  std::vector<FuzzCase> seeds;
-  for (const fs::path& file : files)
-    if (std::string text = Contents(file); !text.empty())
-      seeds.push_back({ file.filename().string(), std::move(text) });
-  return seeds;
-}
-
-struct TemporaryPlace
-{
-  TemporaryPlace()
-  {
-    std::string pattern = (fs::temp_directory_path() / "quell-fuzz-XXXXXX").string();
-    if (!mkdtemp(&pattern[0]))
-      throw std::runtime_error("no temporary directory");
-    this->Path = pattern;
-  }
-  ~TemporaryPlace()
-  {
-    std::error_code code;
-    fs::remove_all(this->Path, code);
-  }
-  fs::path Path;
-};
 }
 
 int main(int argc, char** argv)
 {
-  FuzzOptions a;
-  if (const int status = ParseFuzzOptions(argc, argv, "quell-fuzz-state", a))
-    return status;
-  try
-  {
-    const TemporaryPlace place;
-    std::cout.flush();
-    // In a process of its own: libraries start threads, and workers are forked from this one.
-    const pid_t child = fork();
-    if (child == 0)
-    {
-      try
-      {
-        WriteSeeds(place.Path);
-        _exit(0);
-      }
-      catch (const std::exception& e)
-      {
-        std::cerr << "quell-fuzz-state: seeds: " << e.what() << std::endl;
-        _exit(1);
-      }
-    }
-    int status = 1;
-    if (child < 0 || waitpid(child, &status, 0) != child || status != 0)
-      throw std::runtime_error("no seeds");
-    std::vector<std::string> paths = a.Paths;
-    paths.push_back(place.Path.string());
-    StateFiles files(place.Path, ReadSeeds(paths), a.Seed);
-    return WatchFuzz(a, files);
-  }
-  catch (const std::exception& e)
-  {
-    std::cerr << "quell-fuzz-state: " << e.what() << "\n";
-    return 2;
-  }
+  return RunFuzz(argc, argv, "quell-fuzz-state", WriteSeeds,
+    [](const fs::path& directory, std::vector<FuzzCase> seeds, std::uint64_t seed)
+    { return std::make_unique<StateFiles>(directory, std::move(seeds), seed); });
 }

@@ -114,6 +114,18 @@ protected:
     this->Run->Draw();
     return this->View->GetMarks().count(mark) != 0;
   }
+  /// A file of quick.xml's picture, `side` pixels wide and high.
+  std::string MakeReference(int side, const std::string& samples)
+  {
+    GraphOptions g;
+    g.Defines = { { "width", std::to_string(side) }, { "height", std::to_string(side) }, { "spp", samples } };
+    g.OutputDirectory = this->Top.string();
+    Diagnostics messages;
+    PipelineExecutor executor(LoadPipeline("quick.xml", Registry(), g, messages), Registry());
+    const TickResult made = executor.RunTick(0);
+    EXPECT_TRUE(made.Ok) << made.Error;
+    return (this->Top / "out/quick.exr").string();
+  }
   std::string Written(const std::string& file)
   {
     std::ifstream stream(file);
@@ -482,16 +494,7 @@ TEST_F(Viewing, PointsOfTheTradeCanBeReturnedTo)
 {
   Viewer::Options o;
   o.Graph.Defines = { { "width", "32" }, { "height", "32" }, { "spp", "4" } };
-  // A reference of the same size: the same scene with more samples.
-  {
-    GraphOptions g;
-    g.Defines = { { "width", "32" }, { "height", "32" }, { "spp", "64" } };
-    g.OutputDirectory = this->Top.string();
-    Diagnostics messages;
-    PipelineExecutor executor(LoadPipeline("quick.xml", Registry(), g, messages), Registry());
-    ASSERT_TRUE(executor.RunTick(0).Ok);
-  }
-  o.Reference = (this->Top / "out/quick.exr").string();
+  o.Reference = this->MakeReference(32, "64"); // more samples of the same scene
   this->Start(1300, 900, 1, o);
   ASSERT_TRUE(this->View->Open("quick.xml"));
   const auto first = this->View->Document().Get();
@@ -513,14 +516,7 @@ TEST_F(Viewing, PointsOfTheTradeAreOfOneNodeAndOneFrame)
 {
   Viewer::Options o;
   o.Graph.Defines = { { "width", "32" }, { "height", "32" }, { "spp", "1" } };
-  {
-    GraphOptions g = o.Graph;
-    g.OutputDirectory = this->Top.string();
-    Diagnostics messages;
-    PipelineExecutor executor(LoadPipeline("quick.xml", Registry(), g, messages), Registry());
-    ASSERT_TRUE(executor.RunTick(0).Ok);
-  }
-  o.Reference = (this->Top / "out/quick.exr").string();
+  o.Reference = this->MakeReference(32, "1");
   this->Start(1300, 900, 1, o);
   ASSERT_TRUE(this->View->Open("svgf.xml"));
   this->Do("click tab/Trade\nwait\n");

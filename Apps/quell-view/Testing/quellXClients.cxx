@@ -46,6 +46,20 @@ bool Next(Display* display, XEvent& event, const std::function<void()>& pump, do
   XNextEvent(display, &event);
   return true;
 }
+
+/// Tells who asked for a selection that it is where it was to go.
+void Answer(Display* display, const XSelectionRequestEvent& asked)
+{
+  XEvent reply = {};
+  reply.xselection.type = SelectionNotify;
+  reply.xselection.requestor = asked.requestor;
+  reply.xselection.selection = asked.selection;
+  reply.xselection.target = asked.target;
+  reply.xselection.property = asked.property;
+  reply.xselection.time = asked.time;
+  XSendEvent(display, asked.requestor, False, NoEventMask, &reply);
+  XFlush(display);
+}
 }
 
 std::string DropFiles(
@@ -129,15 +143,7 @@ std::string DropFiles(
       const XSelectionRequestEvent& r = e.xselectionrequest;
       XChangeProperty(d, r.requestor, r.property, r.target, 8, PropModeReplace,
         reinterpret_cast<const unsigned char*>(text.data()), int(text.size()));
-      XEvent reply = {};
-      reply.xselection.type = SelectionNotify;
-      reply.xselection.requestor = r.requestor;
-      reply.xselection.selection = r.selection;
-      reply.xselection.target = r.target;
-      reply.xselection.property = r.property;
-      reply.xselection.time = r.time;
-      XSendEvent(d, r.requestor, False, NoEventMask, &reply);
-      XFlush(d);
+      Answer(d, r);
     }
     else if (e.type == ClientMessage && e.xclient.message_type == finished)
     {
@@ -206,15 +212,7 @@ void ClipboardManager::Loop()
       {
         XFree(data);
       }
-      XEvent reply = {};
-      reply.xselection.type = SelectionNotify;
-      reply.xselection.requestor = asked.requestor;
-      reply.xselection.selection = asked.selection;
-      reply.xselection.target = asked.target;
-      reply.xselection.property = asked.property;
-      reply.xselection.time = asked.time;
-      XSendEvent(d, asked.requestor, False, NoEventMask, &reply);
-      XFlush(d);
+      Answer(d, asked);
     }
   }
 }
