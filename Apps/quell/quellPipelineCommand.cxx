@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <unordered_set>
 
 namespace quell
 {
@@ -239,7 +240,9 @@ GraphOptions GraphOptionsOf(const PipelineArguments& a)
   return options;
 }
 
-/// True where the two names can be those of one file; either may be a pattern with ####.
+static constexpr int MostCompared = 100000; // names of two patterns
+
+/// True where the two names can be those of one file; both may be patterns with ####.
 static bool MayBeOneFile(const std::string& a, const std::string& b, int first, int end)
 {
   const auto normal = [](const std::string& path)
@@ -252,14 +255,26 @@ static bool MayBeOneFile(const std::string& a, const std::string& b, int first, 
   const std::string x = normal(a), y = normal(b);
   const auto isPattern = [](const std::string& path)
   { return std::filesystem::path(path).filename().string().find('#') != std::string::npos; };
-  if (x == y || isPattern(x) == isPattern(y))
+  if (x == y || (!isPattern(x) && !isPattern(y)))
   {
     return x == y;
   }
-  const std::string &pattern = isPattern(x) ? x : y, &one = isPattern(x) ? y : x;
+  // Of two patterns the one may write in one frame what the other reads in another.
+  const std::string &pattern = isPattern(x) ? x : y, &other = isPattern(x) ? y : x;
+  const std::string directory = std::filesystem::path(pattern).parent_path();
+  if (std::filesystem::path(other).parent_path() != directory)
+  {
+    return false;
+  }
+  std::unordered_set<std::string> names;
+  for (int tick = first; tick < end && isPattern(other) && tick - first < MostCompared; ++tick)
+  {
+    names.insert(SequencePath(other, tick));
+  }
+  names.insert(other);
   for (int tick = first; tick < end; ++tick)
   {
-    if (SequencePath(pattern, tick) == one)
+    if (names.count(SequencePath(pattern, tick)))
     {
       return true;
     }

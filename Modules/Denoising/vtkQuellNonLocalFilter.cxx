@@ -233,7 +233,10 @@ struct Pictures
       for (int y = grown.y0; y < grown.y1; ++y)
         for (int x = grown.x0; x < grown.x1; ++x)
           for (int c = 0; c < 3; ++c)
-            made.at(x, y)[c] = 2 * this->Variance.at(x, y)[this->Variance.components == 3 ? c : 0];
+          {
+            const float v = this->Variance.at(x, y)[this->Variance.components == 3 ? c : 0];
+            made.at(x, y)[c] = v > 0 ? 2 * v : 0.f; // errors are estimated with it, and a negative one is none
+          }
     else if (this->Halves)
       HalfVariance(this->HalfA, this->HalfB, made);
     else

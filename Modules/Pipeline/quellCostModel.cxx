@@ -63,9 +63,20 @@ std::string CostModel::DefaultFile()
 CostModel CostModel::Load(const std::string& file, std::string& problem)
 {
   CostModel model = BuiltIn();
-  std::ifstream stream(file);
-  if (file.empty() || !stream)
+  std::error_code code;
+  const fs::file_status status = fs::status(file, code);
+  if (file.empty() || !fs::exists(status))
   {
+    return model;
+  }
+  std::ifstream stream;
+  if (fs::is_regular_file(status)) // opening a pipe would wait for ever
+  {
+    stream.open(file);
+  }
+  if (!stream.is_open())
+  {
+    problem = file + " is no file that can be read: it is ignored";
     return model;
   }
   const nlohmann::json json = nlohmann::json::parse(stream, nullptr, false);

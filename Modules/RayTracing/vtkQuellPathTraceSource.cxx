@@ -688,8 +688,9 @@ void vtkQuellPathTraceSource::Sample(
     seconds += took;
     status.Samples = (*std::min_element(work.begin(), work.end(), before))->Samples;
     status.SamplesPerSecond = seconds > 0 ? double(paths) / seconds : 0;
-    // Every pass to begin with, then seldom enough to cost nothing.
-    if (this->IsWatched() && next.Film->At().Luminance >= 0 && (seconds < 2 || seconds > 1.2 * noiseAt))
+    // Every pass to begin with, then seldom enough to cost nothing, and at the end.
+    if (this->IsWatched() && next.Film->At().Luminance >= 0 &&
+        (seconds < 2 || seconds > 1.2 * noiseAt || next.Samples >= target))
     {
       status.Noise = NoiseOf(*next.Film, region, next.Samples);
       noiseAt = seconds;

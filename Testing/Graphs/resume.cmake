@@ -90,3 +90,13 @@ string(SUBSTRING "${long}" 0 250 long)
 file(WRITE "${WORK}/long.xml" "${text}")
 quell(0 "wrote" run long.xml --quiet --output "o=${long}.exr" --frames 0)
 expect("a long name was not written" EXISTS "${WORK}/${long}.exr")
+
+# Outputs over what is read, spelled differently; statistics over an input.
+file(READ "${WORK}/plain.xml" text)
+string(REPLACE "plain.####" "in/noise.0###" other "${text}")
+file(WRITE "${WORK}/over.xml" "${other}")
+quell(2 "output \"o\" would write over in/noise.####.exr, which node \"in\" reads" run over.xml --quiet)
+string(REPLACE "in/noise.####.exr" "plain.0000.exr" other "${text}")
+string(REPLACE "plain.####.exr" "new.exr" other "${other}")
+file(WRITE "${WORK}/stats.xml" "${other}")
+quell(2 "would write over what node \"in\" reads" run stats.xml --quiet --stats plain.0000.exr)

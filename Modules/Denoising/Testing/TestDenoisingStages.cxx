@@ -877,6 +877,37 @@ TEST(NonLocalStages, HalvesAreFilteredAgainstEachOther)
     }
 }
 
+TEST(NonLocalStages, NegativeVarianceOfHalvesIsNone)
+{
+  // Also where the errors of two widths are estimated with it.
+  for (const char* type : { "NonLocalMeans", "RegressionFilter" })
+  {
+    std::vector<float> made[3];
+    const float values[3] = { 0, -1e10f, std::numeric_limits<float>::quiet_NaN() };
+    for (int k = 0; k < 3; ++k)
+    {
+      vtkNew<vtkQuellNoisyFrame> source;
+      source->Change = [value = values[k]](const std::string& name, int x, int y, int c, float v)
+      {
+        if (name == "variance")
+          return (x + 3 * y) % 7 == 0 ? value : 0.02f;
+        return name == "halfA" || name == "halfB" ? 1 + 0.4f * Hash(x, y, c, name == "halfA" ? 1 : 2) : v;
+      };
+      auto stage = Make(type);
+      std::string error;
+      ASSERT_TRUE(stage->SetPropertyText("Radius", "3", error)) << error;
+      for (const char* port : { "radiance", "halfA", "halfB", "depth", "variance" })
+        stage->ConnectInput(port, source);
+      vtkNew<vtkQuellCollector> sink;
+      sink->AddRequest(stage, { "radiance" });
+      ASSERT_TRUE(sink->UpdateTick(0)) << stage->GetErrorText();
+      made[k] = Read(stage).at("radiance");
+    }
+    EXPECT_EQ(made[1], made[0]) << type;
+    EXPECT_EQ(made[2], made[0]) << type;
+  }
+}
+
 TEST(NonLocalStages, ExplainMistakes)
 {
   Quiet quiet;

@@ -608,7 +608,7 @@ TEST(PathTraceSource, EveryLensMakesFiniteArrays)
     vtkNew<vtkQuellPathTraceSource> s;
     Configure(s, Room(), 16, 16, 8);
     s->SetLensRadius(radius);
-    s->Update();
+    Ask(s, { "radiance", "position", "normal", "normalGeometric", "motion", "albedo", "depth" });
     for (const char* name : { "radiance", "position", "normal", "normalGeometric", "motion", "albedo" })
     {
       auto array = vtkFloatArray::SafeDownCast(s->GetOutput()->GetPointData()->GetArray(name));
