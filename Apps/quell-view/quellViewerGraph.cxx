@@ -17,6 +17,13 @@ namespace
 {
 const float BoxWidth = 176, HeaderHeight = 25, RowHeight = 18, FootHeight = 7, PinRadius = 4.5f;
 
+/// To add rectangles to.
+const ImRect Nowhere(1e9f, 1e9f, -1e9f, -1e9f);
+ImRect RectOf(const ImVec2& position, const ImVec2& size)
+{
+  return ImRect(position.x, position.y, position.x + size.x, position.y + size.y);
+}
+
 /// A point of a link's way and whether it goes on to the right (1) or to the left (-1) there.
 struct WayPoint
 {
@@ -269,16 +276,15 @@ void Viewer::KeepInView()
   {
     return;
   }
-  ImVec2 a(1e9f, 1e9f), b(-1e9f, -1e9f);
+  ImRect around = Nowhere;
   for (std::size_t i = 0; i < this->Boxes.size(); ++i)
   {
     if (this->Revealed.count(this->Model.Boxes[i].Id))
     {
-      const BoxLayout& l = this->Boxes[i];
-      a = ImVec2(std::min(a.x, l.Position.x), std::min(a.y, l.Position.y));
-      b = ImVec2(std::max(b.x, l.Position.x + l.Size.x), std::max(b.y, l.Position.y + l.Size.y));
+      around.Add(RectOf(this->Boxes[i].Position, this->Boxes[i].Size));
     }
   }
+  const ImVec2 a = around.Min, b = around.Max;
   const ImVec2 p = this->ToScreen(a), q = this->ToScreen(b);
   const float edge = this->S(12), z = this->GraphZoom * float(this->Scale);
   const ImVec2 low(this->GraphMin.x + edge, this->GraphMin.y + this->S(38)),
@@ -310,12 +316,12 @@ void Viewer::FitGraph()
     this->GraphOffset = ImVec2(0, 0);
     return;
   }
-  ImVec2 a(1e9f, 1e9f), b(-1e9f, -1e9f);
+  ImRect around = Nowhere;
   for (const BoxLayout& l : this->Boxes)
   {
-    a = ImVec2(std::min(a.x, l.Position.x), std::min(a.y, l.Position.y));
-    b = ImVec2(std::max(b.x, l.Position.x + l.Size.x), std::max(b.y, l.Position.y + l.Size.y));
+    around.Add(RectOf(l.Position, l.Size));
   }
+  const ImVec2 a = around.Min, b = around.Max;
   const float w = (this->GraphMax.x - this->GraphMin.x) / float(this->Scale) - 50,
               h = (this->GraphMax.y - this->GraphMin.y) / float(this->Scale) - 60;
   this->GraphZoom = std::min(1.f, std::max(0.25f, std::min(w / (b.x - a.x), h / (b.y - a.y))));

@@ -20,6 +20,12 @@ std::vector<std::string> CarriedArrays(const std::string& text)
   return names;
 }
 
+bool IsCarriedArray(const std::string& text, const std::string& name)
+{
+  const std::vector<std::string> names = CarriedArrays(text);
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
 void CheckCarriedArrays(ConnectionCheck& check, const std::string& text, int most, bool together)
 {
   std::vector<OutputArray> arrays;

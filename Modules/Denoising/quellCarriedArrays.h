@@ -12,6 +12,7 @@ namespace quell
 {
 /// The names in a property Arrays, but for "radiance".
 VTKQUELLDENOISING_EXPORT std::vector<std::string> CarriedArrays(const std::string& text);
+VTKQUELLDENOISING_EXPORT bool IsCarriedArray(const std::string& text, const std::string& name);
 
 /// Warns of names that the first input does not have, and refuses arrays of more than `most` components, each, or with
 /// `together` all of them; as far as is known.

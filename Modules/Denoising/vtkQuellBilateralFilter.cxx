@@ -188,12 +188,7 @@ bool vtkQuellBilateralFilter::SetInputAttribute(
 
 bool vtkQuellBilateralFilter::Makes(const std::string& array) const
 {
-  if (this->vtkQuellStage::Makes(array))
-    return true;
-  for (const std::string& name : quell::CarriedArrays(this->Arrays))
-    if (name == array)
-      return true;
-  return false;
+  return this->vtkQuellStage::Makes(array) || quell::IsCarriedArray(this->Arrays, array);
 }
 
 void vtkQuellBilateralFilter::CheckSettings()

@@ -122,12 +122,7 @@ void vtkQuellKernelFilter::CheckSettings()
 
 bool vtkQuellKernelFilter::Makes(const std::string& array) const
 {
-  if (this->vtkQuellStage::Makes(array))
-    return true;
-  for (const std::string& name : quell::CarriedArrays(this->Arrays))
-    if (name == array)
-      return true;
-  return false;
+  return this->vtkQuellStage::Makes(array) || quell::IsCarriedArray(this->Arrays, array);
 }
 
 int vtkQuellKernelFilter::HaloFor(int) const

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellNonLocal.h"
 
+#include "quellFilledWeights.h"
 #include "quellGuards.h"
 #include "quellPlanes.h"
 
@@ -824,23 +825,7 @@ void NonLocalRegressionWeights(
     return;
   }
   // No model: the pixel itself, or the neighbours that stand in for it.
-  const Rect around = pixel.grown(1).clipped(e);
-  int finite = 0;
-  if (Finite3(in.target.at(x, y)))
-  {
-    *weights.at(x, y) = 1;
-    return;
-  }
-  for (int pass = 0; pass < 2; ++pass)
-    for (int qy = around.y0; qy < around.y1; ++qy)
-      for (int qx = around.x0; qx < around.x1; ++qx)
-        if (Finite3(in.target.at(qx, qy)))
-        {
-          if (pass == 0)
-            ++finite;
-          else if (weights.extent.contains(qx, qy))
-            *weights.at(qx, qy) = float(1. / finite);
-        }
+  AddFilledWeight(in.target, x, y, 1, weights);
 }
 
 void NonLocalScalar(const NonLocalInputs& in, const NonLocalParameters& p, const ImageOut& out, const Rect& tile)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "quellVarianceSteered.h"
 
+#include "quellFilledWeights.h"
 #include "quellGuidePlanes.h"
 
 #include <algorithm>
@@ -396,27 +397,7 @@ void VarianceSteeredWeights(const VarianceSteeredInputs& in, const VarianceSteer
   for (int qy = e.y0; qy < e.y1; ++qy)
     for (int qx = e.x0; qx < e.x1; ++qx)
       *weights.at(qx, qy) = 0;
-  // Of the pixel itself; where it is not finite, of the neighbours that stand in for it.
-  const auto own = [&](double part)
-  {
-    const Rect around = Rect{ x - 1, y - 1, x + 2, y + 2 }.clipped(in.radiance.extent);
-    int finite = 0;
-    if (Finite3(in.radiance.at(x, y)))
-    {
-      *weights.at(x, y) += float(part);
-      return;
-    }
-    for (int pass = 0; pass < 2; ++pass)
-      for (int qy = around.y0; qy < around.y1; ++qy)
-        for (int qx = around.x0; qx < around.x1; ++qx)
-          if (Finite3(in.radiance.at(qx, qy)))
-          {
-            if (pass == 0)
-              ++finite;
-            else if (e.contains(qx, qy))
-              *weights.at(qx, qy) += float(part / finite);
-          }
-  };
+  const auto own = [&](double part) { AddFilledWeight(in.radiance, x, y, part, weights); };
   if (parts[0] > 0)
     own(double(parts[0]));
   for (int scale = 1; scale <= ScalesOf(p); ++scale)

@@ -2,10 +2,9 @@
 #ifndef quellFuzz_h
 #define quellFuzz_h
 
-#include "quellFuzzWatch.h"
+#include "quellFuzzTools.h"
 
 #include <cstdint>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -16,13 +15,13 @@ class FuzzMutator
 public:
   FuzzMutator(const std::vector<FuzzCase>& seeds, std::uint64_t seed)
     : Seeds(seeds)
-    , Seed(seed)
+    , Random(seed)
   {
   }
   FuzzCase Make(std::uint64_t n);
 
 private:
-  std::size_t Below(std::size_t n) { return n ? std::size_t(this->Random() % n) : 0; }
+  std::size_t Below(std::size_t n) { return this->Random.Below(n); }
   const std::string& Piece();
   std::string Value();
   void MutateBytes(std::string& text);
@@ -32,8 +31,7 @@ private:
   void Encode(std::string& text);
 
   const std::vector<FuzzCase>& Seeds;
-  std::uint64_t Seed;
-  std::mt19937_64 Random;
+  FuzzRandom Random;
 };
 
 /// A document made to break something, and words of the message that must come instead.

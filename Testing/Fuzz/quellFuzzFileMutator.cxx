@@ -98,7 +98,7 @@ std::uint64_t FileMutator::Number()
     1000, 1023, 1024, 4095, 4096, 32767, 32768, 65535, 65536, 65537, 1000000, 16777215, 16777216, 2147483646,
     2147483647, 2147483648u, 2147483649u, 4294967294u, 4294967295u, 0x7ff0000000000000u, 0x7fffffffffffffffu,
     ~std::uint64_t(0) };
-  return this->Below(4) ? values[this->Below(std::size(values))] : this->Random() >> this->Below(64);
+  return this->Below(4) ? values[this->Below(std::size(values))] : this->Random.Any() >> this->Below(64);
 }
 
 void FileMutator::MutateBytes(std::string& text, const std::vector<std::string>& dictionary, std::size_t from)
@@ -109,7 +109,7 @@ void FileMutator::MutateBytes(std::string& text, const std::vector<std::string>&
   switch (this->Below(12))
   {
     case 0:
-      text[at] = char(this->Random() & 0xFF);
+      text[at] = char(this->Random.Any() & 0xFF);
       break;
     case 1:
       text[at] = char(text[at] ^ (1 << this->Below(8)));
@@ -367,9 +367,7 @@ void FileMutator::MutateLines(std::string& text, const std::vector<std::string>&
 
 FuzzCase FileMutator::Make(std::uint64_t n)
 {
-  std::seed_seq sequence{ std::uint32_t(this->Seed), std::uint32_t(this->Seed >> 32), std::uint32_t(n),
-    std::uint32_t(n >> 32) };
-  this->Random.seed(sequence);
+  this->Random.Begin(n);
   FuzzCase document = this->Seeds[this->Below(this->Seeds.size())];
   std::string& text = document.Text;
   const std::string kind = ExtensionOf(document.Name);

@@ -74,8 +74,8 @@ void SetDate(const fs::path& file)
   std::string bytes = Contents(file);
   const std::string name("capDate\0string\0", 15), date = "2000:01:01 00:00:00";
   const std::size_t at = bytes.find(name);
-  if (at == std::string::npos)
-    return; // not every version of the library does
+  if (at == std::string::npos) // not every version of the library does
+    return;
   bytes.replace(at + name.size() + 4, date.size(), date); // after the string's size
   Save(file, bytes);
 }

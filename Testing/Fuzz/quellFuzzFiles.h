@@ -2,9 +2,8 @@
 #ifndef quellFuzzFiles_h
 #define quellFuzzFiles_h
 
-#include "quellFuzzWatch.h"
+#include "quellFuzzTools.h"
 
-#include <random>
 #include <string>
 #include <vector>
 
@@ -31,14 +30,14 @@ class FileMutator
 public:
   FileMutator(std::vector<FuzzCase> seeds, std::uint64_t seed)
     : Seeds(std::move(seeds))
-    , Seed(seed)
+    , Random(seed)
   {
   }
   const std::vector<FuzzCase>& All() const { return this->Seeds; }
   FuzzCase Make(std::uint64_t n);
 
 private:
-  std::size_t Below(std::size_t n) { return n ? std::size_t(this->Random() % n) : 0; }
+  std::size_t Below(std::size_t n) { return this->Random.Below(n); }
   std::uint64_t Number();
   void MutateBytes(std::string& text, const std::vector<std::string>& dictionary, std::size_t from);
   void MutateExr(std::string& text);
@@ -47,8 +46,7 @@ private:
   void MutateLines(std::string& text, const std::vector<std::string>& dictionary);
 
   std::vector<FuzzCase> Seeds;
-  std::uint64_t Seed;
-  std::mt19937_64 Random;
+  FuzzRandom Random;
 };
 
 #endif

@@ -103,7 +103,7 @@ std::string FuzzMutator::Value()
       return many;
     }
     case 3:
-      return std::to_string(std::int64_t(this->Random() >> this->Below(64)) - 1000);
+      return std::to_string(std::int64_t(this->Random.Any() >> this->Below(64)) - 1000);
     default:
       return values[this->Below(values.size())];
   }
@@ -115,7 +115,7 @@ void FuzzMutator::MutateBytes(std::string& text)
   switch (this->Below(8))
   {
     case 0:
-      text[at] = char(this->Random() & 0xFF);
+      text[at] = char(this->Random.Any() & 0xFF);
       break;
     case 1:
       text.erase(at, length);
@@ -316,9 +316,7 @@ void FuzzMutator::Encode(std::string& text)
 
 FuzzCase FuzzMutator::Make(std::uint64_t n)
 {
-  std::seed_seq sequence{ std::uint32_t(this->Seed), std::uint32_t(this->Seed >> 32), std::uint32_t(n),
-    std::uint32_t(n >> 32) };
-  this->Random.seed(sequence);
+  this->Random.Begin(n);
   // Files with mistakes have most of the rare things, good ones most of what lies behind the checks.
   FuzzCase document = this->Seeds[this->Below(this->Seeds.size())];
   for (int i = 0; i < 2 && document.Name.find("BadInput") != std::string::npos; ++i)

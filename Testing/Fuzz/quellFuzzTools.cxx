@@ -105,6 +105,13 @@ std::vector<fs::path> SeedFiles(const std::vector<std::string>& paths, const std
   return files;
 }
 
+void FuzzRandom::Begin(std::uint64_t n)
+{
+  std::seed_seq sequence{ std::uint32_t(this->Seed), std::uint32_t(this->Seed >> 32), std::uint32_t(n),
+    std::uint32_t(n >> 32) };
+  this->Numbers.seed(sequence);
+}
+
 int RunFuzz(int argc, char** argv, const char* program, const std::function<void(const fs::path&)>& write,
   const MakeFuzzTarget& make)
 {

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,25 @@ void CheckMessage(const std::string& text, const std::string& word);
 /// The files named, and those of the directories named (not of the ones within), in an order that does not depend on
 /// the file system. Of directories: the files with that extension ("": with any).
 std::vector<std::filesystem::path> SeedFiles(const std::vector<std::string>& paths, const std::string& extension = "");
+
+/// The random numbers that document n is made with: functions of (seed, n) alone.
+class FuzzRandom
+{
+public:
+  explicit FuzzRandom(std::uint64_t seed)
+    : Seed(seed)
+  {
+  }
+  /// Before document n.
+  void Begin(std::uint64_t n);
+  std::uint64_t Any() { return this->Numbers(); }
+  /// In [0, n); 0 where n is.
+  std::size_t Below(std::size_t n) { return n ? std::size_t(this->Numbers() % n) : 0; }
+
+private:
+  std::uint64_t Seed;
+  std::mt19937_64 Numbers;
+};
 
 /// The whole of a program that makes seeds: reads the command line, has `write` write the seeds into a directory that
 /// is gone afterwards, and watches the target made from them and from the files named. `write` is run in a process of
