@@ -218,6 +218,12 @@ StageDescription& StageDescription::Part(const char* port)
   this->Outputs.back().Bounds.push_back(b);
   return *this;
 }
+StageDescription& StageDescription::Total(std::vector<std::string> ports)
+{
+  this->Mean(std::move(ports));
+  this->Outputs.back().Bounds.back().Kind = OutputBound::Law::Total;
+  return *this;
+}
 StageDescription& StageDescription::AtMost(double factor, std::vector<std::string> ports)
 {
   OutputBound b;
@@ -298,6 +304,9 @@ std::string OutputBound::Text() const
       break;
     case Law::Part:
       text = "a part of " + ports;
+      break;
+    case Law::Total:
+      text = "over the frame as much as " + ports + (this->Of.size() > 1 ? " together" : "");
       break;
     case Law::AtMost:
       text = "at most " + (this->Factor == 1 ? std::string() : detail::FormatDouble(this->Factor) + " times ") +

@@ -87,6 +87,7 @@ struct VTKQUELLCORE_EXPORT OutputBound
               ///< or 0); what is the same in every pixel stays so to the last bit
     Constant, ///< the latter alone
     Part,     ///< all outputs with this law add up to the first of `Of` in every bit, and none is larger than it
+    Total,    ///< summed over the whole frame, channel by channel, what the ports `Of` add up to (rounding apart)
     AtMost,   ///< magnitude at most Factor times the sum of the largest magnitudes of the connections of `Of`
     Within,   ///< in [Low, High]
     Anything  ///< may be non-finite; Reason says why
@@ -171,6 +172,7 @@ struct VTKQUELLCORE_EXPORT StageDescription
   StageDescription& Mean(std::vector<std::string> ports);
   StageDescription& KeepsConstants(std::vector<std::string> ports, const char* reason);
   StageDescription& Part(const char* port);
+  StageDescription& Total(std::vector<std::string> ports);
   StageDescription& AtMost(double factor, std::vector<std::string> ports);
   StageDescription& Within(double low, double high);
   StageDescription& Finite(const char* reason);

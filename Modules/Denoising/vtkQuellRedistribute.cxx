@@ -45,7 +45,8 @@ void vtkQuellRedistribute::Describe(quell::StageDescription& d)
   d.OptionalInput("normal", quell::ArrayKind::Normal, "normal", "nothing is given across an edge");
   d.OptionalInput("id", quell::ArrayKind::Id, "id", "nothing is given to another id");
   d.Output("radiance", quell::ArrayKind::Color, "radiance and all of the residual")
-    .Finite("a neighbourhood's whole residual may meet in one pixel; the sum over the frame is kept");
+    .Finite("a neighbourhood's whole residual may meet in one pixel")
+    .Total({ "radiance", "residual" });
   QUELL_ENUM(d, Over, "who receives", "Neighbourhood", "Image");
   QUELL_INT(d, Radius, "pixels", "half the side of the largest window; 0: every pixel gets its own residual back");
   QUELL_DOUBLE(d, Sigma, "pixels", "standard deviation of the kernel of a small residual; 0: radiance + residual");

@@ -14,6 +14,7 @@ struct ClampLedger
 {
   std::int64_t Clamped = 0;   ///< pixels that were changed
   std::int64_t NonFinite = 0; ///< pixels replaced
+  std::int64_t Guarded = 0;   ///< of Clamped, those that a guard against broken pixels shortened
   double EnergyIn = 0;        ///< of the finite pixels
   double EnergyRemoved = 0;
 
@@ -21,6 +22,7 @@ struct ClampLedger
   {
     this->Clamped += o.Clamped;
     this->NonFinite += o.NonFinite;
+    this->Guarded += o.Guarded;
     this->EnergyIn += o.EnergyIn;
     this->EnergyRemoved += o.EnergyRemoved;
     return *this;

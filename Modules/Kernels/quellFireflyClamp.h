@@ -12,7 +12,9 @@ struct FireflyClampParameters
 {
   float threshold = 5;
   ClampMeasure measure = ClampMeasure::Length;
-  float growth = 0; ///< exponent g of the count in the threshold; only with `count`
+  float growth = 0;      ///< exponent g of the count in the threshold; only with `count`
+  float largest = 1e30f; ///< L, of a channel of E times albedo; 1e30: off
+  float floor = 0.001f;  ///< smallest albedo
 };
 
 /// Shortens colours that are too large and keeps their hue:
@@ -21,6 +23,10 @@ struct FireflyClampParameters
 ///   filtered = E          where m(E) <= t
 ///            = E t / m(E) elsewhere
 ///   residual = E - filtered
+///
+/// and with L < 1e30 in turn E L / M where M > L, M being the largest magnitude of a channel of E clamp(albedo, floor,
+/// 1): what the light is that an illumination E stands for. `count` does not raise L. Without `albedo`, or where it is
+/// not finite, it is 1.
 ///
 /// m is the Euclidean length of RGB, the magnitude of the luminance, or the largest channel's magnitude. `radiance` (3)
 /// in any linear unit; `count` (1: frames or samples accumulated before this one) may be absent; `filtered` and
@@ -34,8 +40,8 @@ struct FireflyClampParameters
 /// accumulated after the clamp the bias vanishes with the count, while one outlier adds at most t / n to the mean.
 /// Source: Bikker, INFOMAGR 15, `if dot(E,E) > 25: E = 5 E / |E|`; Lighthouse 2 and pbrt (largest channel).
 QUELLKERNELS_EXPORT ClampLedger FireflyClamp(const ImageIn& radiance, const ImageIn& count,
-  const FireflyClampParameters& parameters, const ImageOut& filtered, const ImageOut& residual,
-  const Rect& tile) noexcept;
+  const FireflyClampParameters& parameters, const ImageOut& filtered, const ImageOut& residual, const Rect& tile,
+  const ImageIn& albedo = {}) noexcept;
 }
 
 #endif

@@ -105,6 +105,13 @@ struct PortBench
     this->Sink->AddRequest(this->Stage, this->Outputs, region);
     return this->Sink->UpdateTick(0);
   }
+  /// Computes the region although what is there may hold it.
+  bool RunAnew(const quell::Rect& region)
+  {
+    this->Stage->Modified();
+    const std::int64_t before = this->Stage->GetCounters().Executions;
+    return this->Run(region) && this->Stage->GetCounters().Executions == before + 1;
+  }
   Pixels Read() { return ReadArrays(this->Stage->GetOutput(), this->Outputs, { 0, 0, this->Width, this->Height }); }
   Pixels Read(const quell::Rect& region) { return ReadArrays(this->Stage->GetOutput(), this->Outputs, region); }
   /// How far what comes in through a feed may be seen: the region that the stage asks for, or its reach around x +
@@ -162,6 +169,48 @@ struct PortBench
     return {};
   }
 
+  /// Gives one colour in every pixel to what each output is declared to be a mean, or a part, of, and says what does
+  /// not come out to the last bit. `checked` counts the declarations.
+  std::string ChangedConstants(int& checked)
+  {
+    using Law = quell::OutputBound::Law;
+    const quellChange constant = [](int, int, float* value, int n) { std::copy_n(ConstantColor, n, value); };
+    const quell::StageDescription& d = this->Stage->GetDescription();
+    for (const quell::OutputArray& o : d.Outputs)
+      for (const quell::OutputBound& b : o.Bounds)
+      {
+        if (b.Kind != Law::Mean && b.Kind != Law::Constant && b.Kind != Law::Part)
+          continue;
+        if (std::any_of(b.Except.begin(), b.Except.end(),
+              [&](const auto& e) { return this->Stage->GetPropertyText(e.first) == e.second; }))
+          continue;
+        for (Feed& feed : this->Feeds)
+        {
+          const bool of = std::count(b.Of.begin(), b.Of.end(), d.Inputs[feed.Port].Name) != 0;
+          feed.Source->Change = of ? constant : quellChange();
+          feed.Source->Modified();
+        }
+        this->Past();
+        if (!this->Run())
+          return this->Stage->GetErrorText();
+        const std::vector<float> out = this->Read().at(o.Name);
+        const bool zeros = b.OrZero || b.Kind == Law::Part;
+        std::size_t wrong = 0, kept = 0;
+        for (std::size_t i = 0; i < out.size(); ++i)
+        {
+          wrong += out[i] != ConstantColor[i % o.Components] && !(zeros && out[i] == 0);
+          kept += out[i] == ConstantColor[i % o.Components];
+        }
+        if (wrong > 0 || (kept <= out.size() / 2 && b.Kind != Law::Part))
+          return o.Name + ": " + std::to_string(wrong) + " of " + std::to_string(out.size()) + " values changed, " +
+                 std::to_string(kept) + " kept";
+        ++checked;
+      }
+    for (Feed& feed : this->Feeds)
+      this->Change(feed, nullptr);
+    return {};
+  }
+
 private:
   std::string Broken(const quell::OutputBound& b, const std::vector<float>& v, const Pixels& out)
   {
@@ -206,6 +255,26 @@ private:
       for (std::size_t i = 0; i < v.size(); ++i)
         if (std::fabs(double(v[i])) > std::min(largest, most * (1 + 1e-5) + 1e-44))
           return "larger than " + quell::detail::FormatDouble(most) + at(i);
+    }
+    else if (b.Kind == Law::Total)
+    {
+      // What is not finite is left out by the stage's own rule; what exceeds the largest float cannot be kept.
+      const auto countable = [&](const std::vector<float>& array)
+      { return std::all_of(array.begin(), array.end(), [&](float x) { return std::fabs(x) < 0.5 * largest; }); };
+      if (!countable(v) || !std::all_of(inputs.begin(), inputs.end(), countable))
+        return {};
+      for (int c = 0; c < n; ++c)
+      {
+        double in = 0, made = 0, size = 0;
+        for (const std::vector<float>& array : inputs)
+          for (std::size_t i = c; i < array.size(); i += n)
+            in += array[i], size += std::fabs(double(array[i]));
+        for (std::size_t i = c; i < v.size(); i += n)
+          made += v[i];
+        if (!(std::fabs(in - made) <= 1e-5 * size + 1e-42 * double(v.size())))
+          return "adds up to " + quell::detail::FormatDouble(made) + " in component " + std::to_string(c) + ", not " +
+                 quell::detail::FormatDouble(in);
+      }
     }
     else if (b.Kind == Law::Mean)
       for (int c = 0; c < n; ++c)

@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cfloat>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -315,12 +316,19 @@ TEST_F(PoisonLoop, OneFrameOfAnOrbitThroughTheShippedTemplate)
     // Most pixels have a history to lose.
     const std::vector<float>& frames = clean.Then.at("s/accumulate").at("history");
     ASSERT_GT(std::count_if(frames.begin(), frames.end(), [](float h) { return h > 3; }), W * H / 3);
+    std::vector<std::pair<const char*, float>> poisons; // of both signs
     for (const char* array : arrays)
+      poisons.emplace_back(array, passes == 2 ? std::nanf("") : inf);
+    // What is finite, and no light that anybody has.
+    if (passes == 5)
+      poisons.insert(poisons.end(), { { "radiance", FLT_MAX }, { "albedo", FLT_MAX } });
+    for (const auto& poison : poisons)
     {
+      const char* const array = poison.first;
+      const float value = poison.second;
       const std::map<std::string, int> reaches = this->Reaches(array);
       int beyond = 0, farthest = -1;
-      double worst = 0;
-      const float value = passes == 2 ? std::nanf("") : inf; // of both signs
+      double worst = 0, worstMoment = 0;
       {
         SCOPED_TRACE(std::string(array) + " = " + std::to_string(value) + ", passes " + std::to_string(passes));
         const Run run = this->Play(array, value);
@@ -342,7 +350,13 @@ TEST_F(PoisonLoop, OneFrameOfAnOrbitThroughTheShippedTemplate)
             }
           }
         // A colour that is not finite is counted by the stage that meets it, pixel by pixel, and told.
-        if (array == std::string("radiance"))
+        const bool light = std::isfinite(value);
+        if (light && array == std::string("radiance"))
+        {
+          EXPECT_TRUE(std::any_of(run.Warnings.begin(), run.Warnings.end(),
+            [](const std::string& w) { return w.find("larger than Largest (65504)") != std::string::npos; }));
+        }
+        if (array == std::string("radiance") && !light)
         {
           ASSERT_EQ(run.Counted.count("s/demodulate"), 1u);
           EXPECT_EQ(run.Counted.at("s/demodulate"), spoilt);
@@ -356,16 +370,22 @@ TEST_F(PoisonLoop, OneFrameOfAnOrbitThroughTheShippedTemplate)
             double largest = 0;
             for (const float v : a)
               largest = std::max(largest, std::fabs(double(v)));
+            // The template lets 65504 of it in; the variance has the square of that to forget, and steers the filter.
+            const bool square = light && (entry.first == "moments" || entry.first == "variance");
+            const double allowed = square ? 0.05 : light ? 0.02 : 1e-5;
             for (std::size_t i = 0; i < b.size(); ++i)
             {
-              ASSERT_NEAR(b[i], a[i], 1e-5 * largest)
+              const double e = std::fabs(double(b[i]) - a[i]);
+              double& most = square ? worstMoment : worst;
+              most = std::max(most, e / (largest > 0 ? largest : 1));
+              ASSERT_LE(e, allowed * largest)
                 << node.first << ":" << entry.first << " at value " << i << " of " << b.size();
-              worst = std::max(worst, std::fabs(double(b[i]) - a[i]) / (largest > 0 ? largest : 1));
             }
           }
       }
-      std::printf("  %d passes, %-9s farthest change %d pixels away, difference after 100 frames %.1e\n", passes, array,
-        farthest, worst);
+      std::printf(
+        "  %d passes, %-9s farthest change %d pixels away, difference after 100 frames %.1e, of variance %.1e\n",
+        passes, array, farthest, worst, worstMoment);
       EXPECT_GE(farthest, 0) << "the poison does nothing";
       if (passes == 2)
       {

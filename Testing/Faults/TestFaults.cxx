@@ -323,6 +323,42 @@ TEST_F(Moments, SignalsAtAnyMoment)
   EXPECT_GT(interrupted, 2) << "the signals miss the run";
 }
 
+// Not only where files are made: before any allocation between the moment that signals are caught and the end, on any
+// thread; every second time the user insists.
+TEST_F(Moments, SignalsBeforeAnyAllocation)
+{
+  const Outcome counted = RunQuell(this->Directory, { "run", "p.xml", "--quiet", "--out", "counted" },
+    []
+    {
+      setenv("LD_PRELOAD", QUELL_FAULT_SHIM, 1);
+      setenv("QUELL_FAULT_COUNT", "allocations", 1);
+    });
+  ASSERT_EQ(counted.Status, 0) << counted.Said;
+  const long allocations = std::strtol(this->Read("allocations").c_str(), nullptr, 10);
+  ASSERT_GT(allocations, 1000);
+  std::mt19937 random(7112026);
+  int interrupted = 0;
+  for (int i = 0; i < 6; ++i)
+  {
+    const int signal = i % 4 < 2 ? SIGINT : SIGTERM;
+    const long k = 1 + long(random() % std::uint32_t(allocations)), again = k + 1 + long(random() % 2000);
+    const std::string what = std::to_string(k) + (i % 2 ? ":" + std::to_string(again) : std::string());
+    const std::string out = "m" + std::to_string(i);
+    SCOPED_TRACE("signal " + std::to_string(signal) + " at allocation " + what);
+    const Outcome outcome = RunQuell(this->Directory, { "run", "p.xml", "--quiet", "--out", out },
+      [&]
+      {
+        setenv("LD_PRELOAD", QUELL_FAULT_SHIM, 1);
+        setenv("QUELL_FAULT", ("moment" + std::to_string(signal) + ":" + what).c_str(), 1);
+      });
+    interrupted += outcome.Status == 130;
+    EXPECT_TRUE(outcome.Status == 130 || outcome.Status == 0) << outcome.Signal << outcome.Said;
+    EXPECT_EQ(outcome.Status == 130, outcome.Said.find("interrupted") != std::string::npos) << outcome.Said;
+    this->ExpectGood(outcome, out);
+  }
+  EXPECT_GT(interrupted, 2) << "the signals miss the run";
+}
+
 TEST_F(Moments, WritesThatFail)
 {
   std::mt19937 random(7);

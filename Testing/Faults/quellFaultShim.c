@@ -4,6 +4,10 @@
 //   signal2, signal15 ...  raise that signal before the call
 //   nospace                the call, if it writes, and all later ones fail with ENOSPC
 //   rename                 the K-th renaming fails with ENOSPC
+//   moment2, moment15 ...  raise that signal before the K-th allocation while the program handles it, on whatever
+//   thread
+//                          that is; with WHAT:K:L again before the L-th
+// QUELL_FAULT_COUNT = FILE: how many allocations those were, at the end.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -19,6 +23,71 @@
 #include <unistd.h>
 
 static atomic_int calls;
+
+// Of the allocations: all that needs looking up is looked up before the program begins.
+static atomic_long allocations;
+static atomic_int handled;
+static long moments[2];
+static int moment_signal;
+void* __libc_malloc(size_t);
+void* __libc_calloc(size_t, size_t);
+
+__attribute__((constructor)) static void begin(void)
+{
+  const char* fault = getenv("QUELL_FAULT");
+  int signal_number;
+  long first, second = 0;
+  if (fault && sscanf(fault, "moment%d:%ld:%ld", &signal_number, &first, &second) >= 2)
+  {
+    moments[0] = first;
+    moments[1] = second;
+    moment_signal = signal_number;
+  }
+}
+
+__attribute__((destructor)) static void end(void)
+{
+  const char* file = getenv("QUELL_FAULT_COUNT");
+  FILE* out = file ? fopen(file, "w") : NULL;
+  if (out)
+  {
+    fprintf(out, "%ld\n", atomic_load(&allocations));
+    fclose(out);
+  }
+}
+
+static void moment(void)
+{
+  if (!atomic_load_explicit(&handled, memory_order_relaxed))
+    return;
+  const long now = atomic_fetch_add(&allocations, 1) + 1;
+  if (moment_signal && (now == moments[0] || now == moments[1]))
+    raise(moment_signal);
+}
+
+void* malloc(size_t size)
+{
+  moment();
+  return __libc_malloc(size);
+}
+
+void* calloc(size_t count, size_t size)
+{
+  moment();
+  return __libc_calloc(count, size);
+}
+
+typedef void (*handler)(int);
+handler signal(int number, handler what)
+{
+  static handler (*real)(int, handler);
+  if (!real)
+    *(void**)&real = dlsym(RTLD_NEXT, "signal");
+  const handler before = real(number, what);
+  if (number == SIGTERM)
+    atomic_store(&handled, what != SIG_DFL && what != SIG_IGN);
+  return before;
+}
 
 static int is_part(const char* path)
 {

@@ -155,6 +155,35 @@ TEST(ATrous, ZeroVarianceKeepsTheImage)
   EXPECT_LT(Compare(r.color.data, s.color.data).relative, 1e-6);
 }
 
+// 0^128 = 0 for every neighbour, 1 for the pixel itself.
+TEST(ATrous, ANormalOfLengthZeroCountsForItselfAlone)
+{
+  Scene s = Flat(33, 29, 0);
+  Random u(9);
+  for (float& v : s.color.data)
+    v = u();
+  for (int k = 0; k < 3; ++k)
+    s.normal.at(16, 14)[k] = 0;
+  Scene other = s;
+  other.color.fill(16, 14, 1e6f);
+  for (const Rows rows : { quell::ATrousRows, quell::ATrousRowsScalar })
+  {
+    const Result r = Filter(s.color.extent, s, false, true, false, 3, NoEdges, rows);
+    const Result q = Filter(s.color.extent, other, false, true, false, 3, NoEdges, rows);
+    for (int y = 0; y < 29; ++y)
+      for (int x = 0; x < 33; ++x)
+      {
+        if (x != 16 || y != 14)
+        {
+          ASSERT_EQ(0, std::memcmp(r.color.at(x, y), q.color.at(x, y), 12)) << x << " " << y;
+        }
+      }
+    EXPECT_NEAR(r.color.at(16, 14)[1], s.color.at(16, 14)[1], 1e-6);
+    EXPECT_NEAR(q.color.at(16, 14)[1], 1e6, 1);
+    EXPECT_GT(std::fabs(r.color.at(12, 12)[1] - s.color.at(12, 12)[1]), 1e-3) << "others are filtered";
+  }
+}
+
 TEST(ATrous, EdgesStop)
 {
   Scene s = Flat(32, 16, 0);

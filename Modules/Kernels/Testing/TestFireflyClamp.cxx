@@ -53,6 +53,58 @@ TEST(FireflyClamp, LargestThresholdIsOff)
   EXPECT_EQ(quell::FireflyClamp(in, {}, Clamp(9e29f), out, rest, One).Clamped, 1);
 }
 
+TEST(FireflyClamp, LargestIsOfTheLightThatAnIlluminationStandsFor)
+{
+  quell::FireflyClampParameters p = Clamp(1e30f);
+  p.largest = 65504;
+  Image in(One, 3), out(One, 3), rest(One, 3), albedo(One, 3);
+  // Whatever a half float holds stays to the last bit, also divided by the least albedo.
+  in.data = { 65504 / 0.001f * 0.99999f, -1, 3 };
+  albedo.data = { 0, 1, 0.5f };
+  EXPECT_EQ(quell::FireflyClamp(in, {}, p, out, rest, One, albedo).Clamped, 0);
+  EXPECT_TRUE(out == in);
+  // Broken ones lose all but that, and keep their hue.
+  in.data = { FLT_MAX, -FLT_MAX / 2, 0 };
+  albedo.data = { 0.5f, 0.5f, std::nanf("") };
+  EXPECT_EQ(quell::FireflyClamp(in, {}, p, out, rest, One, albedo).Guarded, 1);
+  EXPECT_FLOAT_EQ(out.data[0], 65504 / 0.5f);
+  EXPECT_FLOAT_EQ(out.data[1], -65504);
+  EXPECT_EQ(out.data[2], 0.f);
+  for (int k = 0; k < 3; ++k)
+    EXPECT_EQ(out.data[k] + rest.data[k], in.data[k]);
+  // Without an albedo it is of the colour; of both limits the lower one holds, and a count raises the first alone.
+  quell::FireflyClamp(in, {}, p, out, rest, One);
+  EXPECT_FLOAT_EQ(out.data[0], 65504);
+  p.threshold = 5;
+  const auto threshold = quell::FireflyClamp(in, {}, p, out, rest, One, albedo);
+  EXPECT_EQ(threshold.Clamped, 1);
+  EXPECT_EQ(threshold.Guarded, 0);
+  EXPECT_NEAR(Length(out.data.data()), 5, 1e-5);
+  p.growth = 1;
+  Image count(One, 1, 1e6f);
+  quell::FireflyClamp(in, count, p, out, rest, One, albedo);
+  EXPECT_FLOAT_EQ(out.data[0], 65504 / 0.5f);
+}
+
+// The way past pixels that are small gives what the long way gives, to the last bit, around the threshold.
+TEST(FireflyClamp, NextToTheThreshold)
+{
+  Random u(5);
+  for (const auto measure :
+    { quell::ClampMeasure::Length, quell::ClampMeasure::Luminance, quell::ClampMeasure::Maximum })
+    for (int i = 0; i < 20000; ++i)
+    {
+      Image in(One, 3), out(One, 3), rest(One, 3);
+      for (float& v : in.data)
+        v = u() - 0.5f;
+      const double size = quell::MeasureOf(in.data.data(), measure);
+      const float threshold = float(size * (0.999 + 0.002 * u()));
+      const auto ledger = quell::FireflyClamp(in, {}, Clamp(threshold, measure), out, rest, One);
+      ASSERT_EQ(ledger.Clamped, size > threshold);
+      ASSERT_EQ(out == in, size <= threshold);
+    }
+}
+
 TEST(FireflyClamp, ThresholdItselfAndZero)
 {
   Image in(One, 3), out(One, 3), rest(One, 3);

@@ -134,6 +134,17 @@ TEST(NonLocal, RegressionReproducesWhatIsLinear)
   const Image out = Filtered(in, p, e);
   for (size_t i = 0; i < out.data.size(); ++i)
     ASSERT_NEAR(out.data[i] / color.data[i], 1, 1e-4);
+  // Features that are 0, the same everywhere, or the same as others add nothing and take nothing away.
+  const Image nothing(e, 3), flat(e, 3, 0.7f);
+  for (const Image* more : { &nothing, &flat, (const Image*)&feature })
+  {
+    in.regressors[1].value = *more;
+    in.regressorCount = 2;
+    const Image same = Filtered(in, p, e);
+    for (size_t i = 0; i < same.data.size(); ++i)
+      ASSERT_NEAR(same.data[i] / color.data[i], 1, 1e-4) << i;
+  }
+  in.regressorCount = 1;
   // The weighted mean does not.
   p.regress = false;
   EXPECT_GT(Compare(Filtered(in, p, e).data, color.data).relative, 0.1);

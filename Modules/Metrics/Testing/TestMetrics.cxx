@@ -193,8 +193,20 @@ TEST(Metrics, EqualImagesAreBest)
 TEST(Metrics, ExtremesGiveNumbers)
 {
   for (const std::string& name : MetricNames())
+  {
     for (float v : { 0.f, 1e-42f, -1e-6f, 1e30f })
       EXPECT_TRUE(std::isfinite(ComputeMetric(name, Gray(v).in(), Ramp(1).in()))) << name << " " << v;
+    // Black is like black, and unlike anything else.
+    const double black = ComputeMetric(name, Gray(0).in(), Gray(0).in()),
+                 grey = ComputeMetric(name, Gray(.5f).in(), Gray(0).in());
+    EXPECT_NEAR(black,
+      name.compare(0, 4, "PSNR") == 0   ? 200.
+      : name.compare(0, 4, "SSIM") == 0 ? 1.
+                                        : 0.,
+      1e-12)
+      << name;
+    EXPECT_TRUE(std::isfinite(grey) && (HigherIsBetter(name) ? grey < black : grey > black)) << name << " " << grey;
+  }
 }
 
 TEST(Metrics, ErrorMapAveragesToTheMetric)

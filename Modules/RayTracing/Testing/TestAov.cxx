@@ -1031,6 +1031,42 @@ TEST(SameBits, OwnThreads)
   }
 }
 
+// Nobody can say which of several surfaces in one plane is in front; but it is one of them, and always the same one.
+TEST(SameBits, SurfacesInOnePlane)
+{
+  std::vector<float> first;
+  for (int threads : { 1, 2, 3, 7 })
+  {
+    SceneBuilder b; // built anew each time
+    b.Quad(b.Add(SceneBuilder::Lambert(0, 1)), { -1, -1, 0 }, { 2, 0, 0 }, { 0, 2, 0 });
+    b.Quad(b.Add(SceneBuilder::Lambert(0, 2)), { -.5f, -.8f, 0 }, { 1.7f, 0, 0 }, { 0, 1.3f, 0 });
+    b.Quad(b.Add(SceneBuilder::Lambert(0, 3)), { 0, -.9f, 0 }, { .8f, .7f, 0 }, { -.7f, .8f, 0 });
+    b.Camera({ 0, 0, 3 }, .8);
+    std::vector<float> out;
+    quelltest::WithThreads(threads,
+      [&]()
+      {
+        vtkNew<vtkQuellPathTraceSource> s;
+        s->SetScene(b.Scene);
+        s->SetWidth(50);
+        s->SetHeight(41);
+        s->SetAlwaysMake({ "radiance", "id" });
+        s->Update();
+        for (const char* name : { "radiance", "id" })
+          if (auto a = vtkFloatArray::SafeDownCast(s->GetOutput()->GetPointData()->GetArray(name)))
+            out.insert(out.end(), a->GetPointer(0), a->GetPointer(0) + a->GetNumberOfValues());
+      });
+    ASSERT_EQ(out.size(), std::size_t(50 * 41 * 4));
+    const float* id = &out[std::size_t(50 * 41 * 3)];
+    EXPECT_GT(std::count_if(id, id + 50 * 41, [](float v) { return v > 0; }), 50 * 41 / 3);
+    for (std::size_t i = 0; i < 50 * 41; ++i)
+      ASSERT_EQ(out[3 * i], id[i]) << "light of one surface and the id of another";
+    if (first.empty())
+      first = out;
+    EXPECT_TRUE(SameBits(first, out)) << threads;
+  }
+}
+
 TEST(SameBits, Threads)
 {
   const std::shared_ptr<const Scene> scene = MovingEverything();

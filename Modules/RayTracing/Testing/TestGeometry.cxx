@@ -996,8 +996,8 @@ TEST(GeometryExtremes, PicturesDoNotDependOnSizeAndPlace)
     double Size;
     Vec3d Place;
   };
-  for (const Case& c :
-    { Case{ 1e-6, {} }, Case{ 1e6, {} }, Case{ 1, { 1e6, -1e6, 1e6 } }, Case{ 1e-3, { 1e3, 0, 0 } } })
+  for (const Case& c : { Case{ 1e-6, {} }, Case{ 1e6, {} }, Case{ 1, { 1e6, -1e6, 1e6 } }, Case{ 1e-3, { 1e3, 0, 0 } },
+         Case{ 1e-3, { 1e6, -1e6, 1e6 } } })
   {
     const SceneBuilder b = Still(c.Size, c.Place);
     EmbreeScene other(b.Scene);
@@ -1101,6 +1101,12 @@ TEST(GeometryExtremes, EmptyScenesAndHugeOnesAreTraced)
   EXPECT_FALSE(nothing.Has.Geometry);
   EXPECT_GT(nothing.Lower.x, nothing.Upper.x);
   EXPECT_EQ(ExpectFinite(nothing, empty.Scene->Cameras[0]), 0);
+
+  empty.Sky(2);
+  EmbreeScene sky(empty.Scene);
+  sky.SetTime(0, 0);
+  for (const float v : Render(sky, empty.Scene->Cameras[0]).at("radiance"))
+    ASSERT_EQ(v, 2.f);
 
   SceneBuilder b = Still(1, {});
   b.Quad(0, { -9e17f, -1, 9e17f }, { 1.8e18f, 0, 0 }, { 0, 0, -1.8e18f });

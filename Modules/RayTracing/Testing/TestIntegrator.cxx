@@ -113,6 +113,21 @@ TEST(Integrator, BigSquareLight)
   }
 }
 
+TEST(Integrator, PathsThatCarryNothingEnd)
+{
+  const int samples = 256;
+  // Of a black wall nothing comes back, with or without roulette; of 1e-30 nothing that roulette would let live.
+  for (const int roulette : { 1, 1000 })
+  {
+    const Estimate black = Render(Furnace(0), 1000, samples, Integrator::Strategy::Mis, roulette);
+    EXPECT_EQ(black.Mean, 1);
+    EXPECT_LE(black.Counters.Rays, 3 * samples);
+  }
+  const Estimate faint = Render(Furnace(1e-30f), 1000, samples, Integrator::Strategy::Mis, 1);
+  EXPECT_EQ(faint.Mean, 1);
+  EXPECT_LE(faint.Counters.Rays, 5 * samples);
+}
+
 TEST(Integrator, OneLightOrTenThousandTriangles)
 {
   SceneBuilder b = Floor();

@@ -509,6 +509,34 @@ TEST(LightSampler, SelectionAndGroups)
   EXPECT_FALSE(s.Draw({ Vec3f(0, 0, 1), Vec3f(), false }, .5f, .5f, .5f, d));
 }
 
+TEST(LightSampler, ALampFromBehindOrEdgeOnGivesNothing)
+{
+  for (LightSelection how : { LightSelection::Power, LightSelection::Tree })
+  {
+    Lamps lamps; // shines down
+    lamps.Triangles.push_back(Triangle({ 0, 1, 0 }, { 1, 1, 0 }, { 0, 1, 1 }, 3));
+    const LightSampler s = lamps.Make(how);
+    Numbers u(8);
+    const auto light = [&](const Receiver& at)
+    {
+      double sum = 0;
+      for (int i = 0; i < 500; ++i)
+      {
+        LightSampler::Sample d;
+        if (!s.Draw(at, u(), u(), u(), d))
+          continue;
+        EXPECT_TRUE(d.Pdf > 0 && IsFinite(d.Emission));
+        sum += double(d.Emission.x);
+      }
+      return sum;
+    };
+    EXPECT_GT(light({ Vec3f(.2f, 0, .2f), Vec3f(0, 1, 0), false }), 0);
+    EXPECT_EQ(light({ Vec3f(.2f, 2, .2f), Vec3f(0, -1, 0), false }), 0) << "from behind";
+    EXPECT_EQ(light({ Vec3f(5, 1, .2f), Vec3f(-1, 0, 0), false }), 0) << "edge-on";
+    EXPECT_EQ(light({ Vec3f(.2f, 1, .2f), Vec3f(0, 1, 0), false }), 0) << "on it";
+  }
+}
+
 TEST(LightSampler, ExtremesStayNumbers)
 {
   for (LightSelection how : { LightSelection::Power, LightSelection::Tree })

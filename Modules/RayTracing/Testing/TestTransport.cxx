@@ -570,6 +570,31 @@ TEST(ClosedForms, AbsorbingSlab)
 }
 
 // A smooth dielectric seen from inside under a sky of 1: radiance n^2.
+// A single sheet of solid glass: what goes in never comes out, and the sky behind is infinitely far.
+TEST(ClosedForms, AbsorptionWithoutEnd)
+{
+  for (const float distance : { 1e-30f, .15f, 1e30f })
+  {
+    SceneBuilder b;
+    Material glass = Glass(0);
+    glass.AttenuationColor = { .5f, 0, 1 };
+    glass.AttenuationDistance = distance;
+    b.Quad(b.Add(glass), { -9, -9, 0 }, { 18, 0, 0 }, { 0, 18, 0 });
+    b.Sky(1);
+    b.Camera({ 0, 0, 1 }, .0001);
+    Settings s;
+    s.Width = s.Height = 1;
+    s.Samples = 16384;
+    s.Bounces = 8;
+    s.PixelJitter = Integrator::Jitter::None;
+    const Shot shot = Shoot(b.Scene, s, { "radiance" });
+    for (int k = 0; k < 2; ++k)
+      EXPECT_NEAR(shot["radiance"].At(0, 0, k), .04, 5 * std::sqrt(.04 * .96 / 16384)) << distance << ' ' << k;
+    EXPECT_TRUE(std::isfinite(shot["radiance"].At(0, 0, 2))) << "ln 1 times infinity";
+    EXPECT_GT(shot["radiance"].At(0, 0, 2), .3);
+  }
+}
+
 TEST(ClosedForms, CameraInsideGlass)
 {
   for (float ior : { 1.f, 1.33f, 1.5f })

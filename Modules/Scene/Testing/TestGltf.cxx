@@ -125,6 +125,22 @@ TEST(Gltf, StridesAndNormalizedIntegers)
   EXPECT_TRUE(m.TexCoords[1].empty());
 }
 
+TEST(Gltf, IndexOfRefraction)
+{
+  const std::pair<double, float> indices[] = { { 1, 1.f }, { 2.4, 2.4f }, { 0, 1e4f }, { 0.5, 1.f }, { -3, 1.f },
+    { 1e30, 1e4f } };
+  for (const auto& index : indices)
+  {
+    Gltf g;
+    g.Doc["materials"] = { { { "extensions", { { "KHR_materials_ior", { { "ior", index.first } } } } } } };
+    const auto scene = LoadOnce(g.WriteGltf());
+    EXPECT_FLOAT_EQ(scene->Materials[0].Ior, index.second) << index.first;
+    EXPECT_EQ(HasWarning(*scene, "ior: the value is outside of its range"),
+      index.first != 0 && index.first != double(index.second) && index.first != 2.4)
+      << index.first;
+  }
+}
+
 TEST(Gltf, MaterialAndExtensions)
 {
   Gltf g;
