@@ -42,6 +42,7 @@ constexpr double BufferBytes = 64 << 20;      ///< of rows read or written at on
 constexpr int ReadRows = 64, WriteRows = 256; ///< at once, where they are not more
 
 constexpr float MaximumHalf = 65504.f;
+constexpr float MaximumRgbe = 0x1.fdp126f; ///< 254 / 256 2^127: beyond it the one byte of exponent begins anew
 [[noreturn]] void Refuse(
   const char* doing, const std::string& path, const std::string& cause, const std::string& remedy)
 {
@@ -64,7 +65,8 @@ std::string CheckedFormat(const std::string& path)
   std::error_code ec;
   const fs::file_status status = fs::status(path, ec);
   if (!fs::exists(status))
-    Refuse("read", path, "there is no such file", "check the path (those in a pipeline are relative to its file, those of the command line to the working "
+    Refuse("read", path, "there is no such file",
+      "check the path (those in a pipeline are relative to its file, those of the command line to the working "
       "directory)");
   if (fs::is_directory(status))
     Refuse("read", path, "it is a directory", "name a file in it, or a pattern such as frame.####.exr");
@@ -1229,6 +1231,16 @@ void ImageFileWriter::Internals::FillPlain(const std::vector<OutLayer>& layers, 
         // Quantised here, so that rounding does not depend on the library: to the nearest of 255 steps.
         v = std::floor((encoded ? v : EncodeSrgb(v)) * 255.f + 0.5f) / 255.f;
       }
+      else if (!std::isfinite(v))
+      {
+        ++this->Report.NonFinite;
+        v = 0;
+      }
+      else if (v < 0 || v > MaximumRgbe)
+      {
+        ++this->Clamped[this->Plain.Colour];
+        v = std::min(MaximumRgbe, std::max(0.f, v));
+      }
       row[c] = v;
     }
     if (alpha)
@@ -1319,7 +1331,9 @@ WriteReport ImageFileWriter::Finish()
     {
       report.Clamped += in.Clamped[l];
       report.Warnings.push_back("\"" + in.Path + "\": " + std::to_string(in.Clamped[l]) + " values of \"" +
-                                in.Names[l] + "\" beyond 65504 were clamped for half precision");
+                                in.Names[l] + "\" " +
+                                (in.Plain.Linear ? "outside [0, 1.69e38] were clamped for .hdr"
+                                                 : "beyond 65504 were clamped for half precision"));
     }
   if (report.NonFinite)
     report.Warnings.push_back(

@@ -102,14 +102,14 @@ struct WriteOptions
   int Width = 0, Height = 0;                   ///< display window; 0: from row 0 and column 0 to the image's end
   Rect Region;                                 ///< data window; empty: the image's extent
   FileCompression Compression = FileCompression::Zip;
-  bool Half = false; ///< colours and scalars as half; ids, depth, position, motion stay float
+  bool Half = false;               ///< colours and scalars as half; ids, depth, position, motion stay float
   std::function<bool()> Cancelled; ///< asked every few rows; true ends with StageError("cancelled")
 };
 
 struct WriteReport
 {
-  std::int64_t Clamped = 0;   ///< finite values beyond 65504 that were clamped for half
-  std::int64_t NonFinite = 0; ///< non-finite values written as 0 into an 8-bit file
+  std::int64_t Clamped = 0; ///< finite values beyond 65504 that were clamped for half, or outside [0, 1.69e38] for .hdr
+  std::int64_t NonFinite = 0; ///< non-finite values written as 0 into a file that is no EXR
   std::vector<std::string> Warnings;
 };
 

@@ -497,7 +497,19 @@ int ObjReader::LoadTexture(const std::string& name, bool srgb, bool clamp, const
   if (ok)
   {
     texture.Name = name.empty() ? alphaName : name;
-    texture.SRGB = srgb;
+    texture.SRGB = srgb && texture.SRGB;
+    std::size_t repaired = 0;
+    for (float& v : texture.Floats)
+      if (!std::isfinite(v) || (srgb && v < 0))
+      {
+        v = 0;
+        ++repaired;
+      }
+    if (repaired > 0)
+      Warn(this->Out, "map",
+        "image \"" + texture.Name + "\": " + std::to_string(repaired) + " values that are not finite" +
+          (srgb ? " or below 0" : "") + " count as 0",
+        "write it again");
     if (clamp)
       texture.WrapS = texture.WrapT = Wrap::Clamp;
     index = int(this->Out.Textures.size());

@@ -348,6 +348,7 @@ bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason)
 
 bool LoadImage(const std::string& file, Texture& texture, std::string& reason)
 {
+  texture.SRGB = true;
   Bytes content;
   if (!ReadFile(file, content, reason))
     return false;
@@ -379,6 +380,7 @@ bool LoadImage(const std::string& file, Texture& texture, std::string& reason)
     OIIO::ImageSpec spec;
     if (!input->open(file, spec, config))
       return reason = "it cannot be opened: " + OneLine(input->geterror()), false;
+    texture.SRGB = !spec.format.is_floating_point();
     return ReadOpened(*input, std::int64_t(content.size()), texture, reason);
   }
   catch (const SceneError&)
@@ -403,7 +405,6 @@ bool LoadSky(const std::string& file, Texture& texture, std::size_t& repaired, s
       ++repaired;
     }
   texture.Name = file;
-  texture.SRGB = texture.Floats.empty(); // an 8-bit panorama is a picture for displays
   texture.WrapS = Wrap::Repeat;
   texture.WrapT = Wrap::Clamp;
   return true;

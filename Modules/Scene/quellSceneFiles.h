@@ -69,7 +69,7 @@ bool IsRemoteUri(const std::string& uri);
 /// Decodes a PNG, JPEG or WebP (told by its first bytes) from memory into RGBA: 8 bit as Bytes, 16 bit as Floats. Colour
 /// is not multiplied by alpha. False with a reason otherwise; SceneError where the scene becomes too large.
 bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason);
-/// The same for a file, which may also be OpenEXR, HDR or PNM.
+/// The same for a file, which may also be OpenEXR, HDR or PNM; SRGB says whether it holds integers: floats are linear.
 bool LoadImage(const std::string& file, Texture& texture, std::string& reason);
 
 /// Latitude-longitude image -> `texture` in the orientation of quell::Environment; non-finite and negative pixels

@@ -451,6 +451,27 @@ TEST(ImageFile, AppearsWholeOrNotAtAll)
   EXPECT_EQ(FileText(dir / "a.exr"), FileText(dir / "b.exr"));
 }
 
+TEST(ImageFile, HdrTakesWhatItCanHold)
+{
+  TemporaryDirectory dir;
+  const float values[] = { 0, 1e-30f, 0.18f, 65504, 1e30f, 1.6e38f, 1.72e38f, 3.4e38f, -1,
+    std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN(), 1 };
+  auto image = NewImage({ 0, 0, 12, 1 });
+  AddArray(image, "radiance", 3, [&values](int x, int, int) { return values[x]; });
+  WriteReport report;
+  WriteImageFile(dir / "a.hdr", image, {}, {}, &report);
+  EXPECT_EQ(report.Clamped, 3 * 3);
+  EXPECT_EQ(report.NonFinite, 2 * 3);
+  ASSERT_EQ(report.Warnings.size(), 2u);
+  EXPECT_NE(report.Warnings[0].find("outside [0, 1.69e38] were clamped for .hdr"), std::string::npos);
+  auto read = vtkFloatArray::SafeDownCast(ReadImageFile(dir / "a.hdr")->GetPointData()->GetArray("radiance"));
+  for (int x = 0; x < 12; ++x)
+  {
+    const float wanted = std::isfinite(values[x]) ? std::min(1.69e38f, std::max(0.f, values[x])) : 0;
+    EXPECT_NEAR(read->GetComponent(x, 1), wanted, 0.01 * double(wanted)) << values[x];
+  }
+}
+
 TEST(ImageFile, CancelledAfterSomeRowsLeavesTheOldFile)
 {
   TemporaryDirectory dir;

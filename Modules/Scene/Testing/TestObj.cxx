@@ -173,6 +173,21 @@ TEST(Obj, MapsAndTheirTransform)
   EXPECT_FLOAT_EQ(x[1][0] * 0.25f + x[1][1] * 0.75f + x[1][2], 0.f);
 }
 
+TEST(Obj, MapsOfFloatsAreLinear)
+{
+  const std::string image = TempName(".hdr");
+  // 2 x 1 pixels of RGBE: 0.5 (128 2^(128 - 136)) and 0.25.
+  WriteFile(image, std::string("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x80\x80\x80\x80\x7f"));
+  const auto scene = WithMaterial("Kd 1 1 1\nmap_Kd " + image.substr(image.find_last_of('/') + 1));
+  std::remove(image.c_str());
+  ASSERT_GE(scene->Materials[0].BaseColorTexture.Texture, 0);
+  const Texture& t = scene->Textures[std::size_t(scene->Materials[0].BaseColorTexture.Texture)];
+  EXPECT_FALSE(t.SRGB);
+  ASSERT_EQ(t.Floats.size(), 8u);
+  EXPECT_FLOAT_EQ(t.Sample(0.25f, 0.5f).x, 0.5f);
+  EXPECT_FLOAT_EQ(t.Sample(0.75f, 0.5f).y, 0.25f);
+}
+
 TEST(Obj, MissingLibraryImageAndMaterialWarn)
 {
   const auto scene =
