@@ -35,8 +35,8 @@ struct ImageFault
 /// A library's or a file's words as one line of readable text that is not too long.
 VTKQUELLCORE_EXPORT std::string OneLine(const std::string& text, std::size_t longest = 300);
 
-/// Before a library opens the file: sizes in the headers of OpenEXR, PNG, JPEG and WebP; the number of blocks of an
-/// OpenEXR; the segments of a JPEG up to its first scan, whose damaged colour profiles the library overruns. `fileBytes`: of the whole file.
+/// Before a library opens the file, `fileBytes` long: sizes in the headers of OpenEXR, PNG, JPEG and WebP; blocks of
+/// an OpenEXR; the segments of a JPEG up to its first scan, whose damaged colour profiles the library overruns.
 VTKQUELLCORE_EXPORT ImageFault CheckImageHead(std::istream& file, const std::string& format, std::int64_t fileBytes);
 
 /// After a library has opened the file and before it decodes: `spec` is an OIIO::ImageSpec (a template, so that this

@@ -28,9 +28,9 @@ public:
   vtkSetClampMacro(MinimumHistory, int, 1, 64);
   vtkGetMacro(MinimumHistory, int);
   ///@}
-  ///@{ Whose variance: Frame (0), of one frame's pixel as SVGF has it, or Mean (1), of the accumulated pixel: divided
-  /// by
-  /// min(length, MaximumSamples).
+  ///@{ Whose variance:
+  /// Frame (0), of one frame's pixel as SVGF has it, or
+  /// Mean (1), of the accumulated pixel: divided by min(length, MaximumSamples).
   vtkSetClampMacro(VarianceOf, int, 0, 1);
   vtkGetMacro(VarianceOf, int);
   ///@}

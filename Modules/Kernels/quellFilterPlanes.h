@@ -30,9 +30,9 @@ struct ColorPlanes
     nullptr; ///< in [0, 1e38]; -1 where nothing was hit, the colour is invalid, or outside. May be absent
 };
 
-///@{ Rows [y0, y1) of the layout's extent, padding included; views cover at least the extent. An absent view gives the
-/// value
-/// said above. CopyGuides for all rows comes before CopySlopes. Rows may be done in parallel.
+///@{ Rows [y0, y1) of the layout's extent, padding included; views cover at least the extent.
+/// An absent view gives the value said above. CopyGuides for all rows comes before CopySlopes.
+/// Rows may be done in parallel.
 QUELLKERNELS_EXPORT void CopyGuides(
   const ImageIn& depth, const ImageIn& normal, const ImageIn& id, const GuidePlanes& planes, int y0, int y1) noexcept;
 QUELLKERNELS_EXPORT void CopySlopes(const GuidePlanes& planes, int y0, int y1) noexcept;

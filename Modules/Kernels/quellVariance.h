@@ -31,15 +31,15 @@ QUELLKERNELS_EXPORT void CopyMoments(const ImageIn& moments, const ImageIn& hist
 ///     C' = C(p) + Sum w (C(q) - C(p)) / Sum w
 ///     m  = Sum w mean(q) / Sum w
 ///     V  = Sum w (central(q) + (mean(q) - m)^2) / Sum w * max(1, minimumHistory / h)
-///     V  = l(p)^2 where the other taps together weigh less than 1/100: unknown, and 0 would freeze the pixel
-///     unfiltered
+///     V  = l(p)^2 where the other taps together weigh less than 1/100: unknown,
+///          and 0 would freeze the pixel unfiltered
 ///   ofMean: V is divided by min(h, maximumSamples)
 ///
 /// Two passes over the window (no E[x^2] - E[x]^2), the weights kept between them; differences are limited to 1e18, so
-/// V is at most ~1e37 and finite. With a rest, means are the sums of two floats and taken as differences to the centre's.
-/// Units: luminance squared. Border: taps outside, not hit, not finite, or of another id
-/// have weight 0. Where nothing was hit the colour keeps its planes and V is -1 (StoreFiltered gives 0). Source: Schied
-/// et al. 2017, section 4.2; the boost 4/h as in Falcor's SVGF pass.
+/// V is at most ~1e37 and finite. With a rest, means are the sums of two floats and taken as differences to the
+/// centre's. Units: luminance squared. Border: taps outside, not hit, not finite, or of another id have weight 0. Where
+/// nothing was hit the colour keeps its planes and V is -1 (StoreFiltered gives 0).
+/// Source: Schied et al. 2017, section 4.2; the boost 4/h as in Falcor's SVGF pass.
 struct VariancePass
 {
   static constexpr int Radius = 3;

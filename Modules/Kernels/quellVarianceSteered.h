@@ -33,9 +33,9 @@ struct VarianceSteeredParameters
 
 struct VarianceSteeredOutputs
 {
-  ImageOut radiance; ///< 3
-  ImageOut variance; ///< 1, of the filtered luminance
-  ImageOut sigma;    ///< 1, pixels: the mean of what was chosen; 0: identity
+  ImageOut radiance;           ///< 3
+  ImageOut variance;           ///< 1, of the filtered luminance
+  ImageOut sigma;              ///< 1, pixels: the mean of what was chosen; 0: identity
   ImageOut parts = ImageOut(); ///< MostScales + 1: P_s, of the identity first
 };
 
@@ -75,9 +75,9 @@ QUELLKERNELS_EXPORT std::size_t VarianceSteeredScratch(
 QUELLKERNELS_EXPORT int VarianceSteeredRadius(int scale) noexcept; ///< of scale 1, 2 ...; 0 for the identity
 QUELLKERNELS_EXPORT int VarianceSteeredHalo(const VarianceSteeredParameters& parameters) noexcept;
 
-/// What one pixel is made of: with P as VarianceSteered gave it in `parts`, `weights` (1 component, over the pixels within
-/// VarianceSteeredRadius of the widest kernel or some of them) gets the w' with C' = Sum w'(q) c(q). In double, straight
-/// from the formula.
+/// What one pixel is made of: with P as VarianceSteered gave it in `parts`, `weights` (1 component, over the pixels
+/// within VarianceSteeredRadius of the widest kernel or some of them) gets the w' with C' = Sum w'(q) c(q). In double,
+/// straight from the formula.
 QUELLKERNELS_EXPORT void VarianceSteeredWeights(const VarianceSteeredInputs& in,
   const VarianceSteeredParameters& parameters, const float* parts, int x, int y, const ImageOut& weights) noexcept;
 

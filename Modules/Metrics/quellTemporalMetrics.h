@@ -17,14 +17,14 @@ namespace quell
 ///   flicker   sqrt(mean over n >= 1 of (e_n - e_(n-1))^2 / 2): what changes from frame to frame and should not. White
 ///             noise of variance s^2 gives s; averaged exponentially with weight a it gives s a / sqrt(2 - a). Without
 ///             a reference e = t: right for a view that stands still.
-///   warp      sqrt(mean over n >= 1 of (t_n(p) - t_(n-1)(p + m_n(p)))^2): the reprojected frame difference, bilinear,
-///   of
-///             the pixels whose four taps lie inside and, where ids are given, show the same id. Motion m = previous -
-///             current in pixels. It also sees shading that rightly changes: compare it with `warp of the reference`.
-///   lag       frames' worth of the largest step of the reference that is missing afterwards, summed: with s the frame
-///   of
-///             the step, sum over n >= s of <e_n, d_n> / <d_n, d_n>, d_n = r_(s-1) - r_n. An exponential average with
-///             weight a gives (1 - a) / a, until the sequence ends. Only where the reference changes.
+///   warp      sqrt(mean over n >= 1 of (t_n(p) - t_(n-1)(p + m_n(p)))^2):
+///             the reprojected frame difference, bilinear, of the pixels whose four taps lie inside and, where ids are
+///             given, show the same id. Motion m = previous - current in pixels. It also sees shading that rightly
+///             changes: compare it with `warp of the reference`.
+///   lag       frames' worth of the largest step of the reference that is missing afterwards, summed:
+///             with s the frame of the step, sum over n >= s of <e_n, d_n> / <d_n, d_n>, d_n = r_(s-1) - r_n.
+///             An exponential average with weight a gives (1 - a) / a, until the sequence ends. Only where the
+///             reference changes.
 ///   ghost     share of pixels where what was there before is still seen: for some k in 1 ... 8 with d = r_(n-k) - r_n
 ///             larger than a tenth (|d|^2 > 0.01 (|r_n|^2 + 0.01 C)), <e_n, d> >= 0.1 |d|^2 and the rest of the error
 ///             is less than half of it (|e_n - g d|^2 <= 0.25 |e_n|^2). Only where the reference changes; noise that

@@ -317,8 +317,8 @@ struct SceneOptions
 /// not know (ignored). Compressed meshes and other extensions that a file *requires* are errors.
 ///
 /// glTF: the default scene (or the first) is instanced; all nodes and materials keep their place in the file. Animation
-/// clips that move different things play together, unless one is chosen. A node with EXT_mesh_gpu_instancing gets one child node per
-/// instance, behind the nodes of the file. WebP images are read where OpenImageIO can.
+/// clips that move different things play together, unless one is chosen. A node with EXT_mesh_gpu_instancing gets one
+/// child node per instance, behind the nodes of the file. WebP images are read where OpenImageIO can.
 ///
 /// Images of OBJ are read in the formats of LoadEnvironment.
 ///

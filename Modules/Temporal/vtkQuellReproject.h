@@ -13,7 +13,7 @@
  *
  * Outputs: radiance (linear), moments (mean, central second moment), history (frames; 0: disoccluded), mask (below),
  * meanRest (what the moments' mean has beyond a float; 0 unless the input of that name is connected).
- * Inputs history, moments, length, previousDepth, previousNormal, previousId and meanRest are delayed ones (SetHistory);
+ * Inputs history, moments, length, previousDepth, previousNormal, previousId and meanRest are delayed (SetHistory);
  * they cover the whole frame. On the first frame, or after a change of size, everything is 0 and mask is 3.
  *
  * mask: 0 every tap valid; 1 some taps rejected; 2 from the 3 x 3 neighbourhood; and without history: 3 no previous
