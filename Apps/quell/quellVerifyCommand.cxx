@@ -14,11 +14,12 @@
 #include "vtkImageData.h"
 #include "vtkPointData.h"
 
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <unistd.h>
 
 namespace fs = std::filesystem;
 
@@ -31,9 +32,13 @@ class TemporaryDirectory
 {
 public:
   TemporaryDirectory()
-    : Path((fs::temp_directory_path() / ("quell-verify-" + std::to_string(getpid()))).string())
+    : Path((fs::temp_directory_path() / "quell-verify-XXXXXX").string())
   {
-    fs::create_directories(this->Path);
+    // Made anew under a name that nobody can have taken before.
+    if (!mkdtemp(&this->Path[0]))
+    {
+      throw StageError("cannot make a directory " + this->Path + ": " + std::strerror(errno));
+    }
   }
   ~TemporaryDirectory()
   {
@@ -42,7 +47,7 @@ public:
   }
   TemporaryDirectory(const TemporaryDirectory&) = delete;
   void operator=(const TemporaryDirectory&) = delete;
-  const std::string Path;
+  std::string Path;
 };
 
 std::string Entry(const std::map<std::string, std::string>& metadata, const char* key)

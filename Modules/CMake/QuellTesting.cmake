@@ -4,12 +4,17 @@
 #   which may not exist: skip then) are defined.
 include(GoogleTest)
 
+# Where tests write: two builds of one machine do not meet.
+set(quell_test_directory "${CMAKE_BINARY_DIR}/Testing/Temporary/files")
+file(MAKE_DIRECTORY "${quell_test_directory}")
+
 # quell_label_test(<name> <label> <seconds>): for tests made by add_test. Sanitizers take their time.
 function (quell_label_test name label timeout)
   if (QUELL_SANITIZER)
     math(EXPR timeout "${timeout} * 10")
   endif ()
   set_tests_properties("${name}" PROPERTIES LABELS ${label} TIMEOUT ${timeout})
+  set_property(TEST "${name}" APPEND PROPERTY ENVIRONMENT "TEST_TMPDIR=${quell_test_directory}")
 endfunction ()
 
 function (quell_add_module_tests folder)
@@ -34,5 +39,5 @@ function (quell_add_module_tests folder)
     math(EXPR arg_TIMEOUT "${arg_TIMEOUT} * 10")
   endif ()
   gtest_discover_tests(${target} TEST_PREFIX "quell::${folder}/" DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${arg_LABEL}" TIMEOUT ${arg_TIMEOUT})
+    PROPERTIES LABELS "${arg_LABEL}" TIMEOUT ${arg_TIMEOUT} ENVIRONMENT "TEST_TMPDIR=${quell_test_directory}")
 endfunction ()

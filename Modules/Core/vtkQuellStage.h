@@ -219,6 +219,10 @@ public:
   /// throws quell::StageError when they cannot be known (missing file).
   virtual std::vector<quell::OutputArray> ListDynamicOutputs() { return {}; }
 
+  /// A hash of all that is read through its files, those included that they refer to; empty where they refer to none.
+  /// May read them; throws quell::StageError.
+  virtual std::string HashOfContents() { return {}; }
+
   /// Files that the frame of this tick is read from, besides those that a property names as they are.
   virtual std::vector<std::string> ListSequenceFiles(int) const { return {}; }
 

@@ -298,10 +298,7 @@ vtkSmartPointer<vtkImageData> ReadImage(Reader& r)
 /// Gone unless it was renamed.
 struct TemporaryFile
 {
-  explicit TemporaryFile(const std::string& target)
-  {
-    this->Path = TemporaryName(target);
-  }
+  explicit TemporaryFile(const std::string& target) { this->Path = TemporaryName(target); }
   ~TemporaryFile()
   {
     std::error_code code;
@@ -331,7 +328,19 @@ RunIdentity IdentityOf(
     const GraphNode& node = graph.Nodes[n];
     const std::string title = "node " + Quoted(node.Path) + ": ";
     id[title + "type"] = node.Type;
-    const vtkQuellStage* stage = executor.GetStage(node.Path);
+    vtkQuellStage* stage = executor.GetStage(node.Path);
+    try
+    {
+      const std::string hash = stage->HashOfContents();
+      if (!hash.empty())
+      {
+        id[title + "the contents of all its files"] = hash;
+      }
+    }
+    catch (const StageError&)
+    {
+      // its frame will say so
+    }
     for (const Property& p : node.Description().Properties)
     {
       std::string text = p.GetText(stage);

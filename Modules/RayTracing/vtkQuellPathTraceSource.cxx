@@ -589,6 +589,12 @@ std::string vtkQuellPathTraceSource::SaveWork() const
   return w.Bytes;
 }
 
+std::string vtkQuellPathTraceSource::HashOfContents()
+{
+  this->LoadedScene();
+  return this->Internal->Hash;
+}
+
 bool vtkQuellPathTraceSource::LoadWork(const std::string& bytes, std::string& error)
 {
   std::string key;

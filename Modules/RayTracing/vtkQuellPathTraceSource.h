@@ -262,6 +262,7 @@ public:
   /// The sums over samples; the scene is not in it.
   double ScratchBytes(const quell::Rect& region, const quell::Rect& whole, const quell::ArraySet& asked) override;
   quell::SamplingStatus GetSamplingStatus() const override;
+  std::string HashOfContents() override;
   std::string SaveWork() const override;
   bool LoadWork(const std::string& bytes, std::string& error) override;
   int ComputePipelineMTime(vtkInformation* request, vtkInformationVector** inInfo, vtkInformationVector* outInfo,

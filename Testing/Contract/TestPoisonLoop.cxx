@@ -203,7 +203,8 @@ protected:
     quell::GraphOptions options;
     options.Defines = { { "passes", std::to_string(passes) } };
     this->Plan = quell::LoadPipeline(testing::TempDir() + "quell-poison-loop.xml", this->Types, options, messages);
-    ASSERT_TRUE(this->Plan) << messages.ToText();
+    if (!this->Plan)
+      throw std::runtime_error(messages.ToText());
   }
   void TearDown() override
   {

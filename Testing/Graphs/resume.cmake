@@ -66,6 +66,30 @@ foreach (frame 0 2 3 4)
   same(smooth.000${frame}.exr whole/smooth.000${frame}.exr)
 endforeach ()
 
+# What a scene refers to is one of its files.
+file(WRITE "${WORK}/scene/a.obj" "mtllib a.mtl\nv -1 -1 -3\nv 1 -1 -3\nv 0 1 -3\nusemtl m\nf 1 2 3\n")
+file(WRITE "${WORK}/scene/a.mtl" "newmtl m\nKe 1 2 3\n")
+file(WRITE "${WORK}/traced.xml" [=[<pipeline version="1">
+  <time count="5"/>
+  <node id="pt" type="PathTraceSource">
+    <property name="Scene" value="scene/a.obj"/><property name="Width" value="8"/><property name="Height" value="8"/>
+  </node>
+  <node id="taa" type="TemporalAntialias">
+    <input port="radiance" from="pt:radiance"/>
+    <input port="history" from="taa:radiance" delay="1"/>
+  </node>
+  <node id="in" type="ImageReader"><property name="File" value="in/noise.####.exr"/></node>
+  <output name="o" from="taa:radiance" file="traced.####.exr"/>
+  <output name="cut" from="in:radiance" file="cut.####.exr"/>
+</pipeline>]=])
+file(RENAME "${WORK}/in/noise.0003.exr" "${WORK}/kept.exr")
+quell(1 "--resume goes on after frame 2" run traced.xml --quiet)
+file(RENAME "${WORK}/kept.exr" "${WORK}/in/noise.0003.exr")
+file(WRITE "${WORK}/scene/a.mtl" "newmtl m\nKe 1 2 2\n")
+quell(2 "node \"pt\": the contents of all its files was" run traced.xml --quiet --resume)
+file(WRITE "${WORK}/scene/a.mtl" "newmtl m\nKe 1 2 3\n")
+quell(0 "going on after frame 2" run traced.xml --quiet --resume)
+
 # Somebody's file under the checkpoint's name stays; a pipe is not opened.
 foreach (name plain smooth)
   file(WRITE "${WORK}/mine/${name}.checkpoint" "mine")
