@@ -1105,7 +1105,8 @@ TEST(GeometryExtremes, EmptyScenesAndHugeOnesAreTraced)
   empty.Sky(2);
   EmbreeScene sky(empty.Scene);
   sky.SetTime(0, 0);
-  for (const float v : Render(sky, empty.Scene->Cameras[0]).at("radiance"))
+  const auto white = Render(sky, empty.Scene->Cameras[0]);
+  for (const float v : white.at("radiance"))
     ASSERT_EQ(v, 2.f);
 
   SceneBuilder b = Still(1, {});
