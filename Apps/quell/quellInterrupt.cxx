@@ -3,6 +3,7 @@
 
 #include "quellCancelToken.h"
 
+#include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <unistd.h>
@@ -20,20 +21,22 @@ extern "C" void HandleInterrupt(int signal)
   {
     return;
   }
+  const int before = errno; // of what it came in between
   if (!interruptedToken->IsFinishing())
   {
     interruptedToken->Finish();
-    if (write(STDERR_FILENO, "\n", 1) < 0 || write(STDERR_FILENO, interruptedText, std::strlen(interruptedText)) < 0 ||
-        write(STDERR_FILENO, "\n", 1) < 0)
-    {
-      return; // nobody reads it
-    }
+    // Where nobody reads it there is nothing to do about it.
+    const bool told = write(STDERR_FILENO, "\n", 1) > 0 &&
+                      write(STDERR_FILENO, interruptedText, std::strlen(interruptedText)) > 0 &&
+                      write(STDERR_FILENO, "\n", 1) > 0;
+    static_cast<void>(told);
   }
   else
   {
     interruptedToken->Cancel();
     std::signal(signal, SIG_DFL);
   }
+  errno = before;
 }
 }
 

@@ -130,13 +130,23 @@ int VerifyCommand(const VerifyArguments& a)
   // Which of its outputs it is.
   const Graph& graph = *run.Pipeline;
   const int writer = graph.Find(Entry(said, "node"));
-  if (writer < 0)
+  if (writer < 0 || !graph.Nodes[std::size_t(writer)].Description().FindProperty("File"))
   {
     throw UsageError(a.File + ": it does not say which output of its pipeline it is (node " +
                      Quoted(Entry(said, "node")) + "); an older quell wrote it");
   }
   const std::string pattern = graph.Nodes[std::size_t(writer)].Stage->GetPropertyText("File");
-  const int tick = report.Facts.Tick;
+  const int tick = report.Facts.Tick, lastTick = graph.Ticks.First + graph.Ticks.Count - 1;
+  const auto notMade = [&](int frame)
+  {
+    return UsageError(a.File + ": it says that frame " + std::to_string(frame) +
+                      " was computed for it, and its pipeline has frames " + std::to_string(graph.Ticks.First) + ":" +
+                      std::to_string(lastTick));
+  };
+  if (tick < graph.Ticks.First || tick > lastTick)
+  {
+    throw notMade(tick);
+  }
   // The frames before it that its history had.
   int first = tick;
   if (run.Executor->HasDelays())
@@ -152,6 +162,10 @@ int VerifyCommand(const VerifyArguments& a)
       throw UsageError(a.File + ": it does not say with which frame its run began");
     }
     first = warmUp.empty() ? graph.Ticks.First : int(from - before);
+    if (first < graph.Ticks.First || first > tick)
+    {
+      throw notMade(first);
+    }
   }
 
   const auto token = std::make_shared<CancelToken>();

@@ -271,15 +271,9 @@ double LightSampler::BuildSky(const Scene& scene)
       Vec3f radiance;
       for (int c = 0; c < 3; ++c)
       {
-        float v;
-        if (!t.Floats.empty())
-          v = t.Floats[4 * i + std::size_t(c)];
-        else
-        {
-          v = t.Bytes[4 * i + std::size_t(c)] / 255.f;
-          if (t.SRGB)
-            v = v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
-        }
+        float v = t.Floats.empty() ? t.Bytes[4 * i + std::size_t(c)] / 255.f : t.Floats[4 * i + std::size_t(c)];
+        if (t.SRGB)
+          v = v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
         // the product with the colour has to be a number, too
         v = Sanitized(v);
         const float largest = 1e37f / std::max(1.f, this->SkyColor[c]);
