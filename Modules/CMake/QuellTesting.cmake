@@ -35,7 +35,6 @@ function (quell_add_module_tests folder)
     set(arg_TIMEOUT 120)
   endif ()
   if (QUELL_SANITIZER)
-    target_compile_definitions(${target} PRIVATE QUELL_SANITIZED)  # smaller sizes where a test is long
     math(EXPR arg_TIMEOUT "${arg_TIMEOUT} * 10")
   endif ()
   gtest_discover_tests(${target} TEST_PREFIX "quell::${folder}/" DISCOVERY_TIMEOUT 60
