@@ -438,6 +438,12 @@ TEST(EveryDiagnostic, OutputsOutsideOfTheirDirectory)
              "choose that directory with --out DIR, or let this pipeline write anywhere with --allow-outside\n"),
     std::string::npos)
     << all;
+  const std::string longName(252, 'x');
+  const std::string named = Messages("<output name=\"o\" from=\"pt\" file=\"" + longName + ".exr\"/>\n" + Pt);
+  EXPECT_NE(named.find("error: output \"o\": File = \"" + longName.substr(0, 40) +
+                       "...\": a name of 256 bytes, more than the 255 that a file's may have\n"),
+    std::string::npos)
+    << named;
 }
 
 TEST(EveryDiagnostic, IsTestedWithItsExactText)
