@@ -464,7 +464,8 @@ TEST(ImageFile, HdrTakesWhatItCanHold)
   EXPECT_EQ(report.NonFinite, 2 * 3);
   ASSERT_EQ(report.Warnings.size(), 2u);
   EXPECT_NE(report.Warnings[0].find("outside [0, 1.69e38] were clamped for .hdr"), std::string::npos);
-  auto read = vtkFloatArray::SafeDownCast(ReadImageFile(dir / "a.hdr")->GetPointData()->GetArray("radiance"));
+  const auto again = ReadImageFile(dir / "a.hdr");
+  auto read = vtkFloatArray::SafeDownCast(again->GetPointData()->GetArray("radiance"));
   for (int x = 0; x < 12; ++x)
   {
     const float wanted = std::isfinite(values[x]) ? std::min(1.69e38f, std::max(0.f, values[x])) : 0;
