@@ -1,0 +1,548 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellResume.h"
+
+#include "quellImageFile.h"
+#include "quellImageGuard.h"
+#include "quellPipelineReader.h"
+#include "quellPipelineWriter.h"
+#include "quellProvenance.h"
+#include "quellSimd.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <sstream>
+
+namespace quell
+{
+namespace
+{
+using Clock = std::chrono::steady_clock;
+
+std::string RegionText(const DisplayRegion& r)
+{
+  return std::to_string(r.X0) + "," + std::to_string(r.Y0) + "," + std::to_string(r.X1) + "," + std::to_string(r.Y1);
+}
+
+std::string LinesOf(const std::map<std::string, std::string>& hashes)
+{
+  std::string lines;
+  for (const auto& input : hashes)
+  {
+    lines += input.second + " " + input.first + "\n";
+  }
+  return lines;
+}
+
+/// The first file that one of the two has with another hash.
+std::string ChangedInput(
+  const std::map<std::string, std::string>& theirs, const std::map<std::string, std::string>& ours)
+{
+  const auto linesOf = [](const std::map<std::string, std::string>& m)
+  {
+    std::set<std::string> lines;
+    const auto found = m.find("inputs");
+    std::istringstream text(found == m.end() ? std::string() : found->second);
+    for (std::string line; std::getline(text, line);)
+    {
+      lines.insert(line);
+    }
+    return lines;
+  };
+  const std::set<std::string> a = linesOf(theirs), b = linesOf(ours);
+  for (const auto* lines : { &b, &a })
+  {
+    for (const std::string& line : *lines)
+    {
+      if (!(a.count(line) && b.count(line)) && line.find(' ') != std::string::npos)
+      {
+        return "the input file " + OneLine(line.substr(line.find(' ') + 1));
+      }
+    }
+  }
+  return "the input files";
+}
+
+/// A file is written from the top down under another name: with its last row all of it is there, unless something
+/// happened to it later.
+bool IsWhole(const std::string& file, const ReadReport& header)
+{
+  try
+  {
+    ReadOptions last;
+    last.Region = header.DataWindow.clipped({ 0, 0, header.Width, header.Height });
+    last.Region.y1 = std::min(last.Region.y1, last.Region.y0 + 1);
+    if (!header.Arrays.empty())
+    {
+      last.Arrays = { header.Arrays.back().Name };
+    }
+    ReadImageFile(file, nullptr, last);
+    return true;
+  }
+  catch (const StageError&)
+  {
+    return false;
+  }
+}
+
+/// Files of the frames [first, end) that outputs should have and have not, at most a few.
+std::vector<std::string> MissingFiles(const PreparedRun& run, int first, int end, std::size_t most)
+{
+  std::vector<std::string> missing;
+  for (int tick = std::max(first, run.First); tick < end && missing.size() < most; ++tick)
+  {
+    for (const PipelineExecutor::Target& t : run.Executor->Targets())
+    {
+      const vtkQuellStage* stage = run.Executor->GetStage(run.Pipeline->Nodes[std::size_t(t.Node)].Path);
+      if (!stage->GetDescription().FindProperty("File") || (t.LastOnly && tick + 1 < run.End))
+      {
+        continue;
+      }
+      const std::string pattern = stage->GetPropertyText("File"), file = SequencePath(pattern, tick);
+      std::error_code code;
+      if (file != pattern && !std::filesystem::exists(file, code))
+      {
+        missing.push_back(file);
+      }
+    }
+  }
+  return missing;
+}
+}
+
+std::string Enumerated(const std::vector<std::string>& names)
+{
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i)
+  {
+    text += (i == 0 ? "" : i + 1 == names.size() ? " and " : ", ") + names[i];
+  }
+  return text;
+}
+
+double SecondsSince(Clock::time_point start)
+{
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+std::map<std::string, std::string> Provenance(const PreparedRun& run)
+{
+  std::map<std::string, std::string> m;
+  Diagnostics messages;
+  m["pipeline"] = WritePipelineText(*SelfContained(*run.Pipeline, AllStages(), messages));
+  std::fputs(messages.ToText().c_str(), stderr);
+  m["pipelineHash"] = HashHex(m["pipeline"]);
+  // Names of files are bytes, XML is not.
+  Diagnostics again;
+  if (ReadPipelineText(m["pipeline"], "", again)->Place.Line <= 0)
+  {
+    m.erase("pipeline");
+    m.erase("pipelineHash");
+    std::fprintf(stderr, "quell: warning: the name of a file or directory in this pipeline holds bytes that XML cannot "
+                         "(no UTF-8, or control characters): the frames will not hold their pipeline\n");
+  }
+  m["version"] = QUELL_VERSION;
+  m["instructions"] = SimdTargetName();
+  if (const std::string inputs = LinesOf(InputHashes(*run.Pipeline)); !inputs.empty())
+  {
+    m["inputs"] = inputs;
+  }
+  m["frames"] = std::to_string(run.First) + ":" + std::to_string(run.End - 1);
+  if (run.Region)
+  {
+    m["region"] = RegionText(*run.Region);
+  }
+  if (run.History.RestWeight > 0)
+  {
+    m["warmUp"] = std::to_string(run.History.Frames);
+  }
+  return m;
+}
+
+std::map<std::string, std::string> ProvenanceOf(
+  const std::map<std::string, std::string>& run, const std::map<std::string, std::string>& sequences)
+{
+  std::map<std::string, std::string> m = run;
+  if (!sequences.empty())
+  {
+    m["inputs"] += LinesOf(sequences);
+  }
+  return m;
+}
+
+void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std::string>& ofRun, ResumePoint& progress)
+{
+  bool otherInstructions = false;
+  const PipelineExecutor& executor = *run.Executor;
+  const Graph& graph = *run.Pipeline;
+  for (const PipelineExecutor::Target& t : executor.Targets())
+  {
+    const std::string& path = graph.Nodes[std::size_t(t.Node)].Path;
+    const vtkQuellStage* stage = executor.GetStage(path);
+    if (!stage->GetDescription().FindProperty("File"))
+    {
+      std::fprintf(stderr,
+        "quell: --resume: node %s writes no file that would tell which frames are done; starting from frame %d\n",
+        Quoted(path).c_str(), run.First);
+      return;
+    }
+  }
+  for (int tick = run.First; tick < run.End; ++tick)
+  {
+    bool done = true;
+    std::map<std::string, std::string> metadata;
+    for (const PipelineExecutor::Target& t : executor.Targets())
+    {
+      const vtkQuellStage* stage = executor.GetStage(graph.Nodes[std::size_t(t.Node)].Path);
+      const std::string pattern = stage->GetPropertyText("File");
+      if ((t.LastOnly && tick + 1 < run.End) || !done)
+      {
+        continue;
+      }
+      const std::string file = SequencePath(pattern, tick);
+      std::error_code code;
+      done = std::filesystem::is_regular_file(file, code);
+      std::map<std::string, std::string> theirs;
+      try
+      {
+        const ReadReport header = done ? ReadImageHeader(file) : ReadReport();
+        done = done && IsWhole(file, header);
+        theirs = header.Metadata;
+      }
+      catch (const StageError&)
+      {
+        done = false; // half a file of another program; it is written anew
+      }
+      // Formats other than EXR carry no hash: being there has to do.
+      const auto value = [](const std::map<std::string, std::string>& m, const char* key)
+      {
+        const auto found = m.find(key);
+        return found == m.end() ? std::string() : found->second;
+      };
+      if (done && metadata.empty())
+      {
+        metadata = ProvenanceOf(ofRun, SequenceHashes(graph, tick));
+      }
+      if (done && theirs.count("pipelineHash"))
+      {
+        otherInstructions = otherInstructions || value(theirs, "instructions") != value(metadata, "instructions");
+        for (const char* key : { "pipelineHash", "inputs", "region", "version" })
+        {
+          if (value(theirs, key) != value(metadata, key))
+          {
+            throw UsageError("--resume: " + file + " was made by another " +
+                             (std::strcmp(key, "pipelineHash") == 0 ? "pipeline or other options"
+                               : std::strcmp(key, "inputs") == 0    ? "state of " + ChangedInput(theirs, metadata)
+                               : std::strcmp(key, "region") == 0    ? "region"
+                                                                    : "version of this program") +
+                             "; nothing was executed");
+          }
+        }
+      }
+      // Without a number in its name the file is of whatever frame was last.
+      done = done && !theirs.count("partial") && progress.Unfinished != tick;
+      done =
+        done && (pattern != file || !theirs.count("frames") || value(theirs, "frames") == value(metadata, "frames"));
+    }
+    if (done)
+    {
+      progress.Done.insert(tick);
+    }
+  }
+  if (otherInstructions)
+  {
+    std::fprintf(stderr,
+      "quell: warning: --resume: frames that are there were made with another instruction set than %s; the others may "
+      "differ in the last digits\n",
+      SimdTargetName());
+  }
+  if (progress.Done.empty() && progress.Unfinished != run.First)
+  {
+    std::fprintf(stderr, "quell: --resume: no frame is finished; starting from frame %d\n", run.First);
+  }
+  else if (!progress.Done.empty())
+  {
+    std::fprintf(stderr, "quell: --resume: %d of %d frames are there already and are not made again\n",
+      int(progress.Done.size()), run.End - run.First);
+  }
+}
+
+Checkpoints::Checkpoints(PreparedRun& run)
+  : Run(run)
+  , Start(run.First - run.History.Frames)
+{
+  this->On = run.Executor->HasDelays() && run.End - this->Start > 1;
+  this->File = CheckpointPath(*run.Executor);
+  // Opens all inputs: only where it is needed before the end of the run.
+  if (this->On)
+  {
+    this->Identity = this->IdentityOfRun();
+  }
+}
+
+void Checkpoints::MentionOld() const
+{
+  if (IsCheckpoint(this->File))
+  {
+    std::fprintf(stderr,
+      "quell: %s of a run that was not completed is there; starting from frame %d, --resume would go on\n",
+      this->File.c_str(), this->Start);
+  }
+}
+
+bool Checkpoints::Exists() const
+{
+  std::error_code code;
+  return std::filesystem::exists(this->File, code);
+}
+
+int Checkpoints::Resume(const std::map<std::string, std::string>& metadata)
+{
+  std::error_code code;
+  if (!std::filesystem::exists(this->File, code))
+  {
+    std::fprintf(
+      stderr, "quell: --resume: there is no checkpoint %s; starting from frame %d\n", this->File.c_str(), this->Start);
+    return this->Start;
+  }
+  const Checkpoint checkpoint = this->Read();
+  // Without a whole frame there may still be samples of the first one.
+  const bool samplesOnly = checkpoint.Tick == this->Start - 1 && !checkpoint.Work.empty();
+  if ((checkpoint.Tick < this->Start && !samplesOnly) || checkpoint.Tick + 1 >= this->Run.End)
+  {
+    // Killed between the last frame and the end of the run.
+    ResumePoint all;
+    if (checkpoint.Tick + 1 == this->Run.End)
+    {
+      SkipFinishedFrames(this->Run, metadata, all);
+    }
+    if (int(all.Done.size()) == this->Run.End - this->Run.First)
+    {
+      return this->Run.End; // the checkpoint stays: a longer run may go on from it
+    }
+    throw UsageError("--resume: checkpoint " + this->File + " is of frame " + std::to_string(checkpoint.Tick) +
+                     ", which leaves none of the frames " + std::to_string(this->Run.First) + ":" +
+                     std::to_string(this->Run.End - 1) + " to be made; nothing was executed");
+  }
+  std::string error;
+  if (!samplesOnly && !Restore(*this->Run.Executor, checkpoint, error))
+  {
+    throw UsageError("--resume: checkpoint " + this->File + ": " + error);
+  }
+  this->TakeWork(checkpoint);
+  if (samplesOnly)
+  {
+    return this->Start;
+  }
+  this->Saved = this->Finished = checkpoint.Tick;
+  this->Any = true;
+  const std::vector<std::string> missing = MissingFiles(this->Run, this->Run.First, this->Saved + 1, 3);
+  if (!missing.empty())
+  {
+    std::fprintf(stderr,
+      "quell: warning: --resume: %s%s not there and not made again: a history goes on after the last frame; a run "
+      "without --resume makes all\n",
+      Enumerated(missing).c_str(), missing.size() > 1 ? " are" : " is");
+  }
+  std::fprintf(stderr, "quell: --resume: going on after frame %d, from %s\n", this->Saved, this->File.c_str());
+  return this->Saved + 1;
+}
+
+std::optional<int> Checkpoints::ResumeWork()
+{
+  std::error_code code;
+  if (!std::filesystem::exists(this->File, code))
+  {
+    return {};
+  }
+  this->TakeWork(this->Read());
+  return this->Work.empty() ? std::optional<int>() : std::optional<int>(this->WorkTick);
+}
+
+void Checkpoints::BeforeFrame(int tick)
+{
+  if (this->Work.empty() || tick != this->WorkTick)
+  {
+    return;
+  }
+  std::string error;
+  this->Loaded = this->Run.Executor->LoadWork(this->Work, error);
+  if (!this->Loaded)
+  {
+    std::fprintf(stderr, "quell: warning: %s: %s; frame %d is made anew\n", this->File.c_str(), error.c_str(), tick);
+  }
+  this->Work.clear();
+}
+
+void Checkpoints::FrameDone(int tick, const std::map<std::string, std::string>& sequences)
+{
+  this->AddInputs(sequences);
+  this->Finished = tick;
+  this->Any = true;
+  if (!this->On && this->Loaded && tick == this->WorkTick)
+  {
+    this->Remove(); // this frame is whole now
+  }
+  if (this->On && SecondsSince(this->LastWrite) >= 10 * this->Cost)
+  {
+    this->Write();
+  }
+}
+
+void Checkpoints::FramePartial(int tick)
+{
+  this->Work = this->Run.Executor->SaveWork();
+  this->WorkTick = tick;
+}
+
+void Checkpoints::End(bool complete)
+{
+  if (complete)
+  {
+    this->Remove();
+    return;
+  }
+  if (!this->Work.empty())
+  {
+    if (this->Write())
+    {
+      std::fprintf(
+        stderr, "quell: --resume goes on with the samples of frame %d, from %s\n", this->WorkTick, this->File.c_str());
+    }
+    return;
+  }
+  if (this->On && this->Any && this->Finished != this->Saved)
+  {
+    this->Write();
+  }
+  if (this->Saved > NoTick)
+  {
+    std::fprintf(stderr, "quell: --resume goes on after frame %d\n", this->Saved);
+  }
+}
+
+RunIdentity Checkpoints::IdentityOfRun() const
+{
+  // Frames without history are the same wherever a run starts.
+  RunIdentity id =
+    IdentityOf(*this->Run.Executor, this->Run.Region, this->Run.Executor->HasDelays() ? this->Start : 0, QUELL_VERSION);
+  id[InstructionSet] = SimdTargetName();
+  return id;
+}
+
+void Checkpoints::AddInputs(const std::map<std::string, std::string>& hashes)
+{
+  for (const auto& h : hashes)
+  {
+    this->Inputs["the contents of " + h.first + ":"] = h.second;
+  }
+}
+
+void Checkpoints::Remove() const
+{
+  std::error_code code;
+  if (IsCheckpoint(this->File))
+  {
+    std::filesystem::remove(this->File, code);
+  }
+}
+
+Checkpoint Checkpoints::Read()
+{
+  try
+  {
+    Checkpoint checkpoint = ReadCheckpoint(this->File);
+    if (this->Identity.empty())
+    {
+      this->Identity = this->IdentityOfRun();
+    }
+    const Timeline& ticks = this->Run.Pipeline->Ticks;
+    const int end = std::max(this->Run.End, ticks.First + ticks.Count);
+    RunIdentity theirs = checkpoint.Identity, ours = this->Identity;
+    for (int tick = this->Start; this->On && tick <= checkpoint.Tick && tick < end; ++tick)
+    {
+      this->AddInputs(SequenceHashes(*this->Run.Pipeline, tick));
+    }
+    ours.insert(this->Inputs.begin(), this->Inputs.end());
+    // Another machine may have no choice.
+    if (theirs[InstructionSet] != ours[InstructionSet])
+    {
+      std::fprintf(stderr,
+        "quell: warning: --resume: the frames up to now were made with the instruction set %s, this run uses %s; "
+        "they "
+        "may differ in the last digits from those of one run\n",
+        OneLine(theirs[InstructionSet]).c_str(), SimdTargetName());
+    }
+    ours[InstructionSet] = theirs[InstructionSet];
+    const std::string difference = DifferenceOf(theirs, ours);
+    if (!difference.empty())
+    {
+      throw UsageError(
+        "--resume: checkpoint " + this->File + " is of another run: " + difference + "; nothing was executed");
+    }
+    return checkpoint;
+  }
+  catch (const StageError& e)
+  {
+    throw UsageError(std::string("--resume: ") + e.what() + "; delete it to start from the beginning");
+  }
+}
+
+void Checkpoints::TakeWork(const Checkpoint& checkpoint)
+{
+  if (checkpoint.Work.empty() || checkpoint.WorkTick >= this->Run.End ||
+      checkpoint.WorkTick < this->Run.First - this->Run.History.Frames)
+  {
+    return;
+  }
+  this->Work = checkpoint.Work;
+  this->WorkTick = checkpoint.WorkTick;
+  std::fprintf(
+    stderr, "quell: --resume: going on with the samples of frame %d, from %s\n", this->WorkTick, this->File.c_str());
+}
+
+bool Checkpoints::Write()
+{
+  const Clock::time_point start = Clock::now();
+  if (this->Identity.empty())
+  {
+    this->Identity = this->IdentityOfRun();
+  }
+  Checkpoint checkpoint;
+  checkpoint.Identity = this->Identity;
+  checkpoint.Identity.insert(this->Inputs.begin(), this->Inputs.end());
+  checkpoint.Tick = this->Any ? this->Finished : this->Start - 1;
+  if (const FrameHistory::Frame* frame = this->Run.Executor->GetHistory().FindFrame(this->Finished))
+  {
+    checkpoint.Frame = *frame;
+  }
+  checkpoint.Work = this->Work;
+  checkpoint.WorkTick = this->WorkTick;
+  bool good = true;
+  try
+  {
+    WriteCheckpoint(this->File, checkpoint);
+    this->Saved = this->Finished;
+    this->Failed = false;
+  }
+  catch (const StageError& e)
+  {
+    good = false;
+    if (!this->Failed) // once, and tried again after every frame
+    {
+      if (this->Line)
+      {
+        this->Line->Clear();
+      }
+      const std::string state = this->Saved > NoTick ? "--resume would go on after frame " + std::to_string(this->Saved)
+                                                     : std::string("this run cannot be resumed yet");
+      std::fprintf(stderr, "quell: warning: %s; %s\n", e.what(), state.c_str());
+    }
+    this->Failed = true;
+  }
+  this->LastWrite = Clock::now();
+  this->Cost = SecondsSince(start);
+  return good;
+}
+}
