@@ -54,8 +54,9 @@ void AddRange(const std::string& text, const std::string& part, std::vector<std:
     const double t = double(i) / double(count - 1);
     double v = ratio ? from * std::pow(to / from, t) : from + t * (to - from);
     v = i + 1 == count ? to : v;
-    // Six digits are enough to tell settings apart, and people read them.
-    values.push_back(RoundedText(v, 6));
+    // Six digits are enough to tell settings apart, and people read them; whole numbers have all of theirs.
+    const bool whole = v == std::floor(v) && std::fabs(v) < 1e15;
+    values.push_back(whole ? std::to_string(static_cast<long long>(v)) : RoundedText(v, 6));
   }
 }
 }

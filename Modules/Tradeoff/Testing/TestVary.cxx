@@ -35,6 +35,7 @@ TEST(Vary, ListsAndRanges)
   EXPECT_EQ(ParseVary("a.B=1..64*4").Values, (Values{ "1", "4", "16", "64" }));
   EXPECT_EQ(ParseVary("a.B=8..0.5*5").Values, (Values{ "8", "4", "2", "1", "0.5" }));
   EXPECT_EQ(ParseVary("a.B=7,1e-3..1e-1*3").Values, (Values{ "7", "0.001", "0.01", "0.1" }));
+  EXPECT_EQ(ParseVary("pt.FirstSample=1..20000001/2").Values, (Values{ "1", "20000001" }));
   EXPECT_EQ(ParseVary("clamp=on,off").Values, (Values{ "on", "off" }));
   EXPECT_EQ(ParseVary("pt.Scene=../a.gltf,../b.gltf").Values, (Values{ "../a.gltf", "../b.gltf" })) << "no range";
 }
