@@ -2,6 +2,7 @@
 # --resume goes on only with what it would have made itself: changed frames of a sequence, files that were cut off, files
 # of others under the checkpoint's name.
 include("${CMAKE_CURRENT_LIST_DIR}/program.cmake")
+get_filename_component(WORK "${WORK}" REALPATH) # as the program sees its working directory
 
 file(WRITE "${WORK}/noise.xml" [=[<pipeline version="1">
   <variable name="scene" type="path" default="none"/>
