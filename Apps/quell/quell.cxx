@@ -44,14 +44,14 @@ void AddPipelineOptions(CLI::App* app, quell::PipelineArguments& a)
       "frames")
     ->type_name("T")
     ->check(CLI::Range(0., 1.))
-    ->check(CLI::Number & CLI::Validator(
-                            [](std::string& text)
-                            {
-                              double value = 0;
-                              std::string error;
-                              return quell::detail::ParseDouble(text, 0, 1, value, error) ? std::string() : error;
-                            },
-                            ""));
+    ->check(CLI::Validator(
+      [](std::string& text) // the range lets NaN pass
+      {
+        double value = 0;
+        std::string error;
+        return quell::detail::ParseDouble(text, 0, 1, value, error) ? std::string() : error;
+      },
+      ""));
   app->add_option("--region", a.Region, "Part of the frame: pixels from the top left corner, half open")
     ->type_name("X0,Y0,X1,Y1");
   app->add_option("--output", a.Outputs, "Write an output, or any array as NODE:ARRAY, to a file")

@@ -86,11 +86,11 @@ bool IsWhole(const std::string& file, const ReadReport& header)
   }
 }
 
-/// Files of the frames [first, end) that outputs should have and have not, at most a few.
-std::vector<std::string> MissingFiles(const PreparedRun& run, int first, int end, std::size_t most)
+/// Files of the run's frames before `end` that outputs should have and have not, at most a few.
+std::vector<std::string> MissingFiles(const PreparedRun& run, int end, std::size_t most)
 {
   std::vector<std::string> missing;
-  for (int tick = std::max(first, run.First); tick < end && missing.size() < most; ++tick)
+  for (int tick = run.First; tick < end && missing.size() < most; ++tick)
   {
     for (const PipelineExecutor::Target& t : run.Executor->Targets())
     {
@@ -337,7 +337,7 @@ int Checkpoints::Resume(const std::map<std::string, std::string>& metadata)
   }
   this->Saved = this->Finished = checkpoint.Tick;
   this->Any = true;
-  const std::vector<std::string> missing = MissingFiles(this->Run, this->Run.First, this->Saved + 1, 3);
+  const std::vector<std::string> missing = MissingFiles(this->Run, this->Saved + 1, 3);
   if (!missing.empty())
   {
     std::fprintf(stderr,
