@@ -2,6 +2,7 @@
 #include "quellSettings.h"
 
 #include "quellStageDescription.h"
+#include "quellTemporaryFile.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -51,22 +52,15 @@ bool Settings::Save() const
   }
   std::error_code ec;
   fs::create_directories(fs::path(this->File).parent_path(), ec);
-  const std::string temporary = this->File + ".saving";
-  std::ofstream stream(temporary);
+  TemporaryFile temporary(this->File);
   for (const auto& v : this->Values)
   {
     if (v.second.find('\n') == std::string::npos)
     {
-      stream << v.first << " = " << v.second << '\n';
+      temporary.Write(v.first + " = " + v.second + "\n");
     }
   }
-  stream.close();
-  if (!stream)
-  {
-    return false;
-  }
-  fs::rename(temporary, this->File, ec);
-  return !ec;
+  return temporary.Rename() == 0;
 }
 
 double Settings::Number(const std::string& name, double fallback, double low, double high) const

@@ -7,15 +7,13 @@
 #include "quellProgressLine.h"
 #include "quellProvenance.h"
 #include "quellResume.h"
-#include "quellTemporaryName.h"
+#include "quellTemporaryFile.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <set>
 
@@ -201,15 +199,11 @@ bool WriteStats(const std::string& file, const PreparedRun& run, const Times& ti
     }
   }
   // Whole or not at all, as frames are.
-  const std::string part = TemporaryName(file);
-  errno = 0;
-  std::ofstream stream(part);
-  stream << JsonText(out) << "\n";
-  stream.close();
-  if (!stream || std::rename(part.c_str(), file.c_str()) != 0)
+  TemporaryFile temporary(file);
+  temporary.Write(JsonText(out) + "\n");
+  if (const int error = temporary.Rename())
   {
-    std::fprintf(stderr, "quell: error: --stats %s cannot be written: %s\n", file.c_str(), std::strerror(errno));
-    std::remove(part.c_str());
+    std::fprintf(stderr, "quell: error: --stats %s cannot be written: %s\n", file.c_str(), std::strerror(error));
     return false;
   }
   return true;

@@ -4,14 +4,14 @@
 #include "quellInterrupt.h"
 #include "quellPipelineReader.h"
 #include "quellProgressLine.h"
-#include "quellTemporaryName.h"
+#include "quellTemporaryFile.h"
 #include "quellTradeoff.h"
 #include "quellTradeoffReport.h"
 
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <unistd.h>
 
 namespace fs = std::filesystem;
@@ -48,20 +48,11 @@ double ParseBudget(const std::string& text)
 /// Whole or absent.
 void WriteFile(const fs::path& file, const std::string& content)
 {
-  const fs::path temporary = TemporaryName(file.string());
-  std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
-  out << content;
-  out.close();
-  std::error_code ec;
-  if (out)
+  TemporaryFile temporary(file.string());
+  temporary.Write(content);
+  if (const int error = temporary.Rename())
   {
-    fs::rename(temporary, file, ec);
-  }
-  if (!out || ec)
-  {
-    std::error_code ignored;
-    fs::remove(temporary, ignored);
-    throw StageError("cannot write \"" + file.string() + "\"" + (ec ? ": " + ec.message() : std::string()));
+    throw StageError("cannot write \"" + file.string() + "\": " + std::strerror(error));
   }
 }
 }

@@ -4,7 +4,7 @@
 #include "quellAovNames.h"
 #include "quellImageGuard.h"
 #include "quellMemoryLimits.h"
-#include "quellTemporaryName.h"
+#include "quellTemporaryFile.h"
 
 #include "vtkFieldData.h"
 #include "vtkFloatArray.h"
@@ -27,9 +27,7 @@
 #include <functional>
 #include <limits>
 #include <set>
-#include <utility>
 
-#include <fcntl.h>
 #include <unistd.h>
 
 namespace fs = std::filesystem;
@@ -741,52 +739,6 @@ struct OutLayer
   bool AsHalf = false;
 };
 
-/// The temporary file: gone unless it was renamed.
-class TemporaryFile
-{
-public:
-  explicit TemporaryFile(const std::string& target)
-    : Target(target)
-  {
-    this->Path = TemporaryName(target);
-    // Made anew, so that no link that waits under this name is followed.
-    this->File = open(this->Path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (this->File < 0)
-      Refuse(
-        "write", target, std::string("no file can be made there: ") + std::strerror(errno), "choose another place");
-  }
-  ~TemporaryFile()
-  {
-    std::error_code ec;
-    if (this->File >= 0)
-      close(this->File);
-    if (!this->Done)
-      fs::remove(this->Path, ec);
-  }
-  /// 0, or errno.
-  int Close()
-  {
-    const int file = std::exchange(this->File, -1);
-    return file >= 0 && close(file) != 0 ? errno : 0;
-  }
-  TemporaryFile(const TemporaryFile&) = delete;
-  void operator=(const TemporaryFile&) = delete;
-  void Rename()
-  {
-    std::error_code ec;
-    fs::rename(this->Path, this->Target, ec);
-    if (ec)
-      Refuse("write", this->Target, ec.message(), "choose another file name");
-    this->Done = true;
-  }
-  std::string Path;
-  int File = -1;
-
-private:
-  std::string Target;
-  bool Done = false;
-};
-
 /// Where the library writes to. Some of its formats ignore that a disk is full, and one ends the process: they are told
 /// that all went well, and Error() tells us.
 class CheckedFile : public OIIO::Filesystem::IOProxy
@@ -1161,15 +1113,18 @@ void ImageFileWriter::Internals::Open(const std::vector<OutLayer>& layers)
   }
   CheckUnprotected(this->Path);
   this->Temporary = std::make_unique<TemporaryFile>(this->Path);
+  if (this->Temporary->Error())
+    Refuse("write", this->Path,
+      std::string("no file can be made there: ") + std::strerror(this->Temporary->Error()), "choose another place");
   // The extension alone, without a dot, names the format.
   this->Output = OIIO::ImageOutput::create(this->Exr() ? "openexr" : this->Extension.substr(1));
   if (!this->Output)
     Refuse("write", this->Path, "OpenImageIO writes no " + this->Extension + " files",
       "write .exr, .png, .jpg, .tif or .hdr");
-  this->File = std::make_unique<CheckedFile>(this->Temporary->Path, this->Temporary->File);
+  this->File = std::make_unique<CheckedFile>(this->Temporary->Path(), this->Temporary->Descriptor());
   if (!this->Output->set_ioproxy(this->File.get()))
     Refuse("write", this->Path, "OpenImageIO writes " + this->Extension + " files only by itself", "write .exr");
-  const bool opened = this->Output->open(this->Temporary->Path, this->Spec);
+  const bool opened = this->Output->open(this->Temporary->Path(), this->Spec);
   this->CheckWrites(this->File->Error());
   if (!opened)
     Refuse("write", this->Path, OneLine(this->Output->geterror()), "check that the directory can be written to");
@@ -1323,7 +1278,8 @@ WriteReport ImageFileWriter::Finish()
       in.CheckWrites(in.Temporary->Close());
       if (!closed)
         Refuse("write", in.Path, OneLine(in.Output->geterror()), "");
-      in.Temporary->Rename();
+      if (const int error = in.Temporary->Rename())
+        Refuse("write", in.Path, std::strerror(error), "choose another file name");
     });
   WriteReport& report = in.Report;
   for (size_t l = 0; l < in.Clamped.size(); ++l)

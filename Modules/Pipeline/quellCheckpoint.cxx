@@ -5,7 +5,7 @@
 #include "quellPipelineReader.h"
 #include "quellProvenance.h"
 #include "quellStageDescription.h"
-#include "quellTemporaryName.h"
+#include "quellTemporaryFile.h"
 #include "vtkDoubleArray.h"
 #include "vtkFieldData.h"
 #include "vtkFloatArray.h"
@@ -15,7 +15,6 @@
 #include "vtkPointData.h"
 #include "vtkStringArray.h"
 
-#include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -48,15 +47,15 @@ std::string RegionText(const std::optional<DisplayRegion>& r)
 class Writer
 {
 public:
-  Writer(const std::string& file)
-    : Stream(file, std::ios::binary | std::ios::trunc)
+  explicit Writer(TemporaryFile& file)
+    : File(file)
   {
   }
 
   void Bytes(const void* data, std::size_t bytes)
   {
     this->Hash.Add(data, bytes);
-    this->Stream.write(static_cast<const char*>(data), std::streamsize(bytes));
+    this->File.Write(data, bytes);
   }
   template <class T>
   void Number(T value)
@@ -69,7 +68,7 @@ public:
     this->Bytes(s.data(), s.size());
   }
 
-  std::ofstream Stream;
+  TemporaryFile& File;
   ContentHash Hash;
 };
 
@@ -294,18 +293,6 @@ vtkSmartPointer<vtkImageData> ReadImage(Reader& r)
   }
   return image;
 }
-
-/// Gone unless it was renamed.
-struct TemporaryFile
-{
-  explicit TemporaryFile(const std::string& target) { this->Path = TemporaryName(target); }
-  ~TemporaryFile()
-  {
-    std::error_code code;
-    fs::remove(this->Path, code);
-  }
-  std::string Path;
-};
 }
 
 RunIdentity IdentityOf(
@@ -420,11 +407,10 @@ void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
   {
     fs::create_directories(directory, code);
   }
-  const TemporaryFile temporary(file);
+  TemporaryFile temporary(file);
   try
   {
-    errno = 0;
-    Writer w(temporary.Path);
+    Writer w(temporary);
     // The size is known when all is written; the hash covers it, so it is computed before.
     std::uint64_t size = HeadBytes + 4 + HashBytes;
     const auto strings = [](const std::string& s) { return std::uint64_t(4 + s.size()); };
@@ -487,15 +473,9 @@ void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
       w.Bytes(i.second.data(), i.second.size());
     }
     w.Number(w.Hash.Value());
-    w.Stream.close();
-    if (!w.Stream)
+    if (const int error = temporary.Rename())
     {
-      throw StageError(errno ? std::strerror(errno) : "the disk may be full");
-    }
-    fs::rename(temporary.Path, file, code);
-    if (code)
-    {
-      throw StageError(code.message());
+      throw StageError(std::strerror(error));
     }
   }
   catch (const StageError& e)

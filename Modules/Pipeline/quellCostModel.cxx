@@ -3,13 +3,14 @@
 
 #include "quellImageGuard.h"
 #include "quellJsonText.h"
-#include "quellTemporaryName.h"
+#include "quellTemporaryFile.h"
 #include "vtkQuellStage.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -164,19 +165,11 @@ void CostModel::Save(const std::string& file) const
       json["nanoseconds"][c.first] = c.second;
     }
   }
-  const std::string part = TemporaryName(file);
-  std::ofstream stream(part);
-  stream << JsonText(json) << "\n";
-  stream.close();
-  if (stream)
+  TemporaryFile temporary(file);
+  temporary.Write(JsonText(json) + "\n");
+  if (const int error = temporary.Rename())
   {
-    fs::rename(part, file, ec);
-  }
-  if (!stream || ec)
-  {
-    std::error_code ignored;
-    fs::remove(part, ignored);
-    throw StageError("cannot write \"" + file + "\"");
+    throw StageError("cannot write \"" + file + "\": " + std::strerror(error));
   }
 }
 

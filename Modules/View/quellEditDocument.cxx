@@ -4,9 +4,9 @@
 #include "quellPipelineReader.h"
 #include "quellPipelineWriter.h"
 #include "quellRenderSession.h"
+#include "quellTemporaryFile.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -217,34 +217,26 @@ bool EditDocument::Save(const std::string& file, std::string& error)
   // A link stays one: what it leads to is written.
   std::error_code ec;
   const fs::path real = fs::is_symlink(file, ec) ? fs::weakly_canonical(file, ec) : fs::path(file);
-  const std::string temporary = real.string() + ".saving";
+  TemporaryFile temporary(real.string());
   // What was not saved stays as it was, its paths seen from where it is.
   const auto fail = [&](const std::string& why)
   {
     error = "cannot write " + file + ": " + why;
-    std::error_code ignored;
-    fs::remove(temporary, ignored);
     this->Now = before;
     return false;
   };
+  if (const int failure = temporary.Write(text))
   {
-    std::ofstream stream(temporary, std::ios::binary);
-    stream << text;
-    stream.close();
-    if (!stream)
-    {
-      return fail(std::strerror(errno));
-    }
+    return fail(std::strerror(failure));
   }
   // A file's rights stay as they were.
   if (fs::exists(real, ec))
   {
-    fs::permissions(temporary, fs::status(real, ec).permissions(), ec);
+    fs::permissions(temporary.Path(), fs::status(real, ec).permissions(), ec);
   }
-  fs::rename(temporary, real, ec);
-  if (ec)
+  if (const int failure = temporary.Rename())
   {
-    return fail(ec.message());
+    return fail(std::strerror(failure));
   }
   this->SavedText = text;
   this->SavedPositions = this->Now.Positions;

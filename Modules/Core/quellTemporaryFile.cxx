@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "quellTemporaryFile.h"
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <fcntl.h>
+#include <filesystem>
+#include <unistd.h>
+
+namespace quell
+{
+TemporaryFile::TemporaryFile(const std::string& target)
+  : Target(target)
+{
+  static std::atomic<unsigned> counter{ 0 };
+  const std::filesystem::path path(target);
+  this->Name = (path.parent_path() / ("." + path.filename().string().substr(0, 200) + "." + std::to_string(getpid()) +
+                                       "-" + std::to_string(counter++) + ".part"))
+                 .string();
+  this->File = open(this->Name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (this->File < 0)
+  {
+    this->Failure = errno;
+    this->Done = true; // what is there under this name is not ours
+  }
+}
+
+TemporaryFile::~TemporaryFile()
+{
+  if (this->File >= 0)
+  {
+    close(this->File);
+  }
+  if (!this->Done)
+  {
+    unlink(this->Name.c_str());
+  }
+}
+
+int TemporaryFile::Write(const void* data, std::size_t bytes)
+{
+  const std::size_t buffer = 1 << 16;
+  const char* const from = static_cast<const char*>(data);
+  if (this->Waiting.size() + bytes > buffer)
+  {
+    this->Send(this->Waiting.data(), this->Waiting.size());
+    this->Waiting.clear();
+  }
+  if (bytes > buffer)
+  {
+    this->Send(from, bytes);
+  }
+  else
+  {
+    this->Waiting.append(from, bytes);
+  }
+  return this->Failure;
+}
+
+void TemporaryFile::Send(const char* data, std::size_t bytes)
+{
+  while (bytes > 0 && !this->Failure)
+  {
+    const ssize_t sent = write(this->File, data, bytes);
+    if (sent > 0)
+    {
+      data += sent;
+      bytes -= std::size_t(sent);
+    }
+    else if (sent == 0 || errno != EINTR)
+    {
+      this->Failure = sent == 0 ? ENOSPC : errno;
+    }
+  }
+}
+
+int TemporaryFile::Close()
+{
+  this->Send(this->Waiting.data(), this->Waiting.size());
+  this->Waiting.clear();
+  if (this->File >= 0)
+  {
+    const bool closed = close(this->File) == 0;
+    this->File = -1;
+    if (!closed && !this->Failure)
+    {
+      this->Failure = errno;
+    }
+  }
+  return this->Failure;
+}
+
+int TemporaryFile::Rename()
+{
+  if (!this->Close() && !this->Done)
+  {
+    if (std::rename(this->Name.c_str(), this->Target.c_str()) != 0)
+    {
+      this->Failure = errno;
+    }
+    else
+    {
+      this->Done = true;
+    }
+  }
+  return this->Failure;
+}
+}
