@@ -25,6 +25,7 @@ enum Ports
 constexpr int TileSize = 64, NoiseReach = 2;
 constexpr int OuterFloats = 15, InnerFloats = 6; ///< a pixel, of two candidates with their errors, and of the choice
 constexpr int SmoothRadius = 9, SmoothPatch = 1; ///< of the errors and of the choice between bandwidths
+constexpr double LargestError = 1e35;            ///< 19 x 19 of them do not overflow
 
 /// Per channel, the mean of (A - B)^2 / 2 over the 3 x 3 neighbours that are finite in both: the variance of a half.
 void HalfVariance(const quell::ImageIn& a, const quell::ImageIn& b, const quell::ImageOut& out) noexcept
@@ -46,7 +47,7 @@ void HalfVariance(const quell::ImageIn& a, const quell::ImageIn& b, const quell:
           ++n;
         }
       for (int c = 0; c < 3; ++c)
-        out.at(x, y)[c] = n ? float(std::min(1e30, sum[c] / n)) : 0.f;
+        out.at(x, y)[c] = n ? float(std::min(LargestError, sum[c] / n)) : 0.f;
     }
 }
 }
@@ -316,7 +317,7 @@ void SelectWidths(const Pictures& pictures, const quell::NonLocalInputs& in, con
               const double ba = double(b[c]) - fa[c], ab = double(a[c]) - fb[c], ff = double(fb[c]) - fa[c];
               sum += 0.5 * (ba * ba + ab * ab) - ofHalf.at(x, y)[c] - 0.25 * ff * ff;
             }
-            e[k] = std::isfinite(sum) ? float(std::max(-1e30, std::min(1e30, sum / 3))) : 0.f;
+            e[k] = std::isfinite(sum) ? float(std::max(-LargestError, std::min(LargestError, sum / 3))) : 0.f;
           }
         }
     },

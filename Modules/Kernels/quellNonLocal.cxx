@@ -23,8 +23,8 @@ namespace
 {
 constexpr int MostUnknowns = NonLocalInputs::MostRegressors + 3; ///< 1, dx, dy, features
 constexpr float LargestDistance = 1e4f;
-/// Colours count up to this, so that squares and their sums stay finite.
-constexpr float LargestValue = 1e15f;
+/// Guides and features count up to this, variances up to its square, so that squares and their sums stay finite.
+constexpr float LargestValue = 1e18f, LargestVariance = 1e36f;
 /// Squared length of a column, relative to the constant's, below which a feature is flat.
 constexpr float LeastColumn = 1e-12f;
 
@@ -460,13 +460,17 @@ float Sane(float v) noexcept
 {
   return !Finite(v) ? 0.f : v > LargestValue ? LargestValue : v < -LargestValue ? -LargestValue : v;
 }
+float SaneVariance(float v) noexcept
+{
+  return v > 0 && Finite(v) ? std::min(v, LargestVariance) : 0.f;
+}
 double SummedVariance(const NonLocalFeature& f, int x, int y) noexcept
 {
   if (!f.variance)
     return 0;
   double sum = 0;
   for (int k = 0; k < f.variance.components; ++k)
-    sum += std::max(0.f, Sane(f.variance.at(x, y)[k]));
+    sum += SaneVariance(f.variance.at(x, y)[k]);
   return f.variance.components == 1 ? sum * f.value.components : sum;
 }
 /// Squared central differences, one-sided at the edge of the frame, summed over the components.
@@ -497,7 +501,7 @@ bool IsTap(const NonLocalInputs& in, int x, int y) noexcept
 /// V of the guide's channel c.
 float GuideVariance(const NonLocalInputs& in, int x, int y, int c) noexcept
 {
-  return in.variance ? std::max(0.f, Sane(in.variance.at(x, y)[in.variance.components == 3 ? c : 0])) : 0.f;
+  return in.variance ? SaneVariance(in.variance.at(x, y)[in.variance.components == 3 ? c : 0]) : 0.f;
 }
 /// F(p, q) of one feature, before it is kept above 0; `gradient` is SquaredGradient(f, px, py).
 double FeatureExponent(

@@ -258,6 +258,93 @@ std::string HistoryTable()
   return out.str();
 }
 
+/// Light times 2^exponent: a variance is multiplied by the square, as far as a float goes.
+void Brighten(PortBench& bench, int exponent)
+{
+  for (PortBench::Feed& feed : bench.Feeds)
+    if (feed.Kind == quell::ArrayKind::Color)
+      bench.Change(feed,
+        [exponent](int, int, float* v, int n)
+        {
+          for (int k = 0; k < n; ++k)
+            v[k] = std::ldexp(v[k], exponent);
+        });
+    else if (feed.Array == "variance") // not that of a guide
+      bench.Change(feed,
+        [exponent](int, int, float* v, int)
+        { *v = float(std::min(std::ldexp(double(*v), 2 * exponent), double(std::numeric_limits<float>::max()))); });
+    else if (feed.Kind == quell::ArrayKind::Moments)
+      bench.Change(feed,
+        [exponent](int, int, float* v, int)
+        {
+          v[0] = std::ldexp(v[0], exponent);
+          v[1] = float(std::min(std::ldexp(double(v[1]), 2 * exponent), double(std::numeric_limits<float>::max())));
+        });
+}
+
+/// How far a stage is from f(s x) = s f(x). Powers of two leave no rounding: what is seen are floors, limits and the
+/// range of floats.
+std::string ScaleTable()
+{
+  const std::vector<int> exponents = { -110, -33, -17, -10, 10, 56, 63, 100, 120, 123 };
+  // They have parameters in units of light, and a curve for the eye.
+  const std::set<std::string> absolute = { "BilateralFilter", "DisplayTransform", "EmissionSplit", "FireflyClamp",
+    "Redistribute", "TemporalAntialias" };
+  std::ostringstream out;
+  out << "The same picture, its light times s (a power of two next to the number), its variance times s^2 as far as a "
+         "float goes: largest error of the output over s against the output of s = 1, relative as above; *light*: that "
+         "much of the whole frame's is there, where it is not 100 %. Not of stages whose parameters are in units of light: ";
+  for (const std::string& type : absolute)
+    out << (type == *absolute.begin() ? "" : ", ") << type;
+  out << ".\n\n| stage |";
+  for (const int e : exponents)
+    out << " " << Number(std::ldexp(1., e), "%.0e") << " |";
+  out << "\n|---|";
+  for (std::size_t i = 0; i < exponents.size(); ++i)
+    out << "---:|";
+  out << "\n";
+  const int w = 67, h = 53;
+  for (const Case& c : quelltest::Cases())
+  {
+    const quell::ArrayType* const array = quell::FindArray(c.Output);
+    if (!c.Reference || !array || array->Kind != quell::ArrayKind::Color || absolute.count(c.Type))
+      continue;
+    const auto output = [&c](int exponent)
+    {
+      const auto bench = Prepare(c, w, h);
+      Brighten(*bench, exponent);
+      if (!bench->Run())
+        throw std::runtime_error(c.Type + ": " + bench->Stage->GetErrorText());
+      return bench->Read().at(c.Output);
+    };
+    const std::vector<float> one = output(0);
+    double largest = 0, light = 0;
+    for (const float v : one)
+    {
+      largest = std::max(largest, std::fabs(double(v)));
+      light += v;
+    }
+    out << "| " << c.Type << " |";
+    for (const int e : exponents)
+    {
+      const std::vector<float> other = output(e);
+      double worst = 0, sum = 0;
+      for (std::size_t i = 0; i < one.size(); ++i)
+      {
+        const double v = std::ldexp(double(other[i]), -e);
+        worst = std::max(worst, std::fabs(v - one[i]) / (std::fabs(one[i]) + 1e-3 * largest));
+        sum += v;
+      }
+      out << " " << Number(worst, "%.0e");
+      if (std::fabs(sum / light - 1) > 5e-3)
+        out << ", light " << Number(100 * sum / light, "%.0f") << " %";
+      out << " |";
+    }
+    out << "\n";
+  }
+  return out.str();
+}
+
 std::string CaseTable(const std::string& file)
 {
   std::ifstream in(file);
@@ -363,7 +450,7 @@ int Check(const std::string& top)
     if (worst > 1e-3 || now.Worst > 1e-3)
       say(c.Type + " is further than 1e-3 from its formula");
   }
-  for (const char* name : { "storage", "history" })
+  for (const char* name : { "storage", "history", "scale" })
     Find(page, name);
   return wrong ? 1 : 0;
 }
@@ -391,6 +478,7 @@ int main(int argc, char** argv)
     Replace(page, "stages", StageTable());
     Replace(page, "storage", StorageTable());
     Replace(page, "history", HistoryTable());
+    Replace(page, "scale", ScaleTable());
     Replace(page, "cases", CaseTable(top + "/Testing/Numerics/cases.txt"));
     std::ofstream(top + "/Documentation/numerics.md") << page;
   }

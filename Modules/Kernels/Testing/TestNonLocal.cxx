@@ -183,6 +183,38 @@ TEST(NonLocal, RemovesNoiseAndKeepsEdges)
   }
 }
 
+// Powers of two, so that nothing rounds otherwise: with the squares of light and epsilon in its unit, no bit depends on
+// the unit.
+TEST(NonLocal, LightOfAnySize)
+{
+  Scene s(39, 27);
+  const Image ofAlbedo = s.variance;
+  for (const bool regress : { false, true })
+  {
+    quell::NonLocalParameters p = Small(regress);
+    quell::NonLocalInputs in = Inputs(s, true, regress);
+    in.weighing[1].variance = ofAlbedo;
+    const Image wanted = Filtered(in, p, s.color.extent);
+    for (const int exponent : { -45, -10, 20, 50 })
+    {
+      SCOPED_TRACE(exponent);
+      Scene other = s;
+      for (float& v : other.color.data)
+        v = std::ldexp(v, exponent);
+      for (float& v : other.variance.data)
+        v = std::ldexp(v, 2 * exponent);
+      in = Inputs(other, true, regress);
+      in.weighing[1].variance = ofAlbedo;
+      quell::NonLocalParameters q = p;
+      q.epsilon = std::ldexp(p.epsilon, 2 * exponent);
+      Image found = Filtered(in, q, s.color.extent);
+      for (float& v : found.data)
+        v = std::ldexp(v, -exponent);
+      EXPECT_TRUE(found.data == wanted.data);
+    }
+  }
+}
+
 TEST(NonLocal, NonFiniteAndBackground)
 {
   for (const bool regress : { false, true })
