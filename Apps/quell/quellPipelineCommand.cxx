@@ -282,6 +282,23 @@ static bool MayBeOneFile(const std::string& a, const std::string& b, int first, 
   return false;
 }
 
+std::string ReaderOf(const std::string& file, const PreparedRun& run)
+{
+  for (const GraphNode& n : run.Pipeline->Nodes)
+  {
+    for (const GraphProperty& p : n.Properties)
+    {
+      const Property* property = n.Description().FindProperty(p.Name);
+      if (property && property->Kind == Property::Type::Path && !p.Text.empty() && !n.Internal &&
+          n.Type != "ImageWriter" && MayBeOneFile(file, p.Text, run.First, run.End))
+      {
+        return p.Text + ", which node " + Quoted(n.Path) + " reads";
+      }
+    }
+  }
+  return {};
+}
+
 /// What a run would write over: another of its outputs, or a file that it reads.
 static void CheckFiles(const PipelineArguments& a, const PreparedRun& run)
 {
@@ -305,17 +322,10 @@ static void CheckFiles(const PipelineArguments& a, const PreparedRun& run)
     {
       throw UsageError(what + "the pipeline file " + a.File + "; nothing was executed");
     }
-    for (const GraphNode& n : graph.Nodes)
+    const std::string reader = ReaderOf(o.File, run);
+    if (!reader.empty())
     {
-      for (const GraphProperty& p : n.Properties)
-      {
-        const Property* property = n.Description().FindProperty(p.Name);
-        if (property && property->Kind == Property::Type::Path && !p.Text.empty() && !n.Internal &&
-            n.Type != "ImageWriter" && MayBeOneFile(o.File, p.Text, run.First, run.End))
-        {
-          throw UsageError(what + p.Text + ", which node " + Quoted(n.Path) + " reads; nothing was executed");
-        }
-      }
+      throw UsageError(what + reader + "; nothing was executed");
     }
   }
 }

@@ -223,18 +223,10 @@ int RunCommand(const RunArguments& arguments)
   {
     throw UsageError("--stats " + arguments.Stats + " would write over the pipeline file; nothing was executed");
   }
-  for (const GraphNode& n : run.Pipeline->Nodes)
+  const std::string reader = arguments.Stats.empty() ? std::string() : ReaderOf(arguments.Stats, run);
+  if (!reader.empty())
   {
-    for (const GraphProperty& p : n.Properties)
-    {
-      const Property* property = n.Description().FindProperty(p.Name);
-      if (!arguments.Stats.empty() && property && property->Kind == Property::Type::Path &&
-          std::filesystem::equivalent(arguments.Stats, p.Text, unknown))
-      {
-        throw UsageError("--stats " + arguments.Stats + " would write over what node " + Quoted(n.Path) +
-                         " reads; nothing was executed");
-      }
-    }
+    throw UsageError("--stats " + arguments.Stats + " would write over " + reader + "; nothing was executed");
   }
   std::string error;
   if (run.Region && !executor.CheckRegion(error))

@@ -124,4 +124,4 @@ quell(2 "output \"o\" would write over in/noise.####.exr, which node \"in\" read
 string(REPLACE "in/noise.####.exr" "plain.0000.exr" other "${text}")
 string(REPLACE "plain.####.exr" "new.exr" other "${other}")
 file(WRITE "${WORK}/stats.xml" "${other}")
-quell(2 "would write over what node \"in\" reads" run stats.xml --quiet --stats plain.0000.exr)
+quell(2 "would write over plain.0000.exr, which node \"in\" reads" run stats.xml --quiet --stats plain.0000.exr)
