@@ -354,16 +354,15 @@ void GltfReader::ReadEnvironment(const JsonValue& entry)
   const std::string path = Beside(this->Out.File, name);
   Texture image;
   std::string reason;
-  std::size_t repaired = 0;
-  if (!LoadSky(path, image, repaired, reason))
+  std::string repairs;
+  if (!LoadSky(path, image, repairs, reason))
   {
     this->Warn(entry, "environment \"" + path + "\" cannot be read (" + reason + "); there is no sky",
       "put the file there or correct the name");
     return;
   }
-  if (repaired > 0)
-    this->Warn(
-      entry, std::to_string(repaired) + " value(s) of the environment are negative or not finite and became 0", "");
+  if (!repairs.empty())
+    this->Warn(entry, "of the environment, " + repairs, "");
   Bytes content;
   if (ReadFile(path, content, reason))
     this->Hash.Add(content.data(), content.size());

@@ -70,12 +70,11 @@ void LoadEnvironment(Scene& scene, const std::string& file, float scale)
   const detail::SceneMemory memory(file);
   Texture image;
   std::string reason;
-  std::size_t repaired = 0;
-  if (!detail::LoadSky(file, image, repaired, reason))
+  std::string repairs;
+  if (!detail::LoadSky(file, image, repairs, reason))
     detail::Fail(file, "", "the environment cannot be read: " + reason, "name a latitude-longitude image");
-  if (repaired > 0)
-    detail::Warn(scene, "environment \"" + file + "\"",
-      std::to_string(repaired) + " value(s) are negative or not finite and became 0", "repair the image");
+  if (!repairs.empty())
+    detail::Warn(scene, "environment \"" + file + "\"", repairs, "repair the image");
   scene.Sky.Present = true;
   scene.Sky.Color = Vec3f(scale);
   scene.Sky.Texture = int(scene.Textures.size());

@@ -393,17 +393,29 @@ bool LoadImage(const std::string& file, Texture& texture, std::string& reason)
   }
 }
 
-bool LoadSky(const std::string& file, Texture& texture, std::size_t& repaired, std::string& reason)
+bool LoadSky(const std::string& file, Texture& texture, std::string& repairs, std::string& reason)
 {
   if (!LoadImage(file, texture, reason))
     return false;
-  repaired = 0;
+  // A weighted sum of such values is still a number.
+  const float largest = 1e37f;
+  std::size_t dark = 0, bright = 0;
   for (float& v : texture.Floats)
     if (!(v >= 0) || !std::isfinite(v))
     {
       v = 0;
-      ++repaired;
+      ++dark;
     }
+    else if (v > largest)
+    {
+      v = largest;
+      ++bright;
+    }
+  repairs.clear();
+  if (dark > 0)
+    repairs = std::to_string(dark) + " value(s) are negative or not finite and became 0";
+  if (bright > 0)
+    repairs += (dark > 0 ? ", " : "") + std::to_string(bright) + " value(s) above 1e37 became that";
   texture.Name = file;
   texture.WrapS = Wrap::Repeat;
   texture.WrapT = Wrap::Clamp;

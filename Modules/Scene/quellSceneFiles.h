@@ -72,9 +72,9 @@ bool DecodeImage(const Bytes& content, Texture& texture, std::string& reason);
 /// The same for a file, which may also be OpenEXR, HDR or PNM; SRGB says whether it holds integers: floats are linear.
 bool LoadImage(const std::string& file, Texture& texture, std::string& reason);
 
-/// Latitude-longitude image -> `texture` in the orientation of quell::Environment; non-finite and negative pixels
-/// become 0 and are counted.
-bool LoadSky(const std::string& file, Texture& texture, std::size_t& repaired, std::string& reason);
+/// Latitude-longitude image -> `texture` in the orientation of quell::Environment; what is not finite or negative
+/// becomes 0, what is above 1e37 becomes that, and `repairs` says how many values did.
+bool LoadSky(const std::string& file, Texture& texture, std::string& repairs, std::string& reason);
 
 /// All nodes that a root reaches, parents before children.
 std::vector<int> ParentsFirst(const std::vector<Node>& nodes);

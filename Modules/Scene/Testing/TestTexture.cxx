@@ -196,6 +196,20 @@ TEST(Environment, LoadsScalesAndRefuses)
   EXPECT_NEAR(scene.Textures[0].Sample(0.75f, 0.5f).y, 0.5028865, 1e-6);
 }
 
+TEST(Environment, TellsWhatItCuts)
+{
+  // Mantissas of 128 and a shared exponent: 2^126 and 1.
+  const std::string file = TempName(".hdr");
+  WriteFile(file, std::string("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\xff\x80\x80\x80\x81"));
+  Scene scene;
+  LoadEnvironment(scene, file);
+  std::remove(file.c_str());
+  EXPECT_TRUE(HasWarning(scene, "3 value(s) above 1e37 became that"));
+  ASSERT_EQ(scene.Textures[0].Floats.size(), 8u);
+  EXPECT_EQ(scene.Textures[0].Floats[0], 1e37f);
+  EXPECT_EQ(scene.Textures[0].Floats[4], 1.f);
+}
+
 TEST(Environment, ConstantAndTurnedImageInExtras)
 {
   Gltf g;
