@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 
 namespace quell
 {
@@ -77,6 +78,16 @@ int CalibrateCommand(const CalibrateArguments& a)
   if (file.empty())
   {
     throw UsageError("no directory for the measurements: neither XDG_CACHE_HOME nor HOME is set; say --out FILE");
+  }
+  std::error_code unknown;
+  std::string problem;
+  if (!a.Out.empty() && std::filesystem::exists(file, unknown))
+  {
+    CostModel::Load(file, problem);
+    if (!problem.empty())
+    {
+      throw UsageError("--out " + file + ": what is there are no costs, and is not written over");
+    }
   }
   CostModel model = LoadCosts();
   int executions = 0;

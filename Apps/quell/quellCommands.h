@@ -122,6 +122,8 @@ void ParseFrames(
   const std::string& text, const Timeline& ticks, int& first, int& end, const std::string& whose = "the pipeline");
 /// "FILE, which node "ID" reads" where a node of the run may read `file`, else nothing.
 std::string ReaderOf(const std::string& file, const PreparedRun& run);
+/// Throws UsageError where --stats `file` is one that the run reads or writes otherwise.
+void CheckStatistics(const std::string& file, const PipelineArguments& a, const PreparedRun& run);
 /// The plan of a run, in bands where --memory, or without it the machine's memory, asks for that; throws UsageError when
 /// it needs more all the same.
 ExecutionPlan CheckedPlan(const PipelineArguments& arguments, PreparedRun& run);

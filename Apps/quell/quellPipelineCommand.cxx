@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Loading a pipeline with its options; the commands that only look at it: check and explain.
+#include "quellCheckpoint.h"
 #include "quellCommands.h"
 #include "quellExplain.h"
 #include "quellImageFile.h"
@@ -284,13 +285,16 @@ static bool MayBeOneFile(const std::string& a, const std::string& b, int first, 
 
 std::string ReaderOf(const std::string& file, const PreparedRun& run)
 {
+  // What other frames read is as dear.
+  const Timeline& ticks = run.Pipeline->Ticks;
+  const int first = std::min(run.First, ticks.First), end = std::max(run.End, ticks.First + ticks.Count);
   for (const GraphNode& n : run.Pipeline->Nodes)
   {
     for (const GraphProperty& p : n.Properties)
     {
       const Property* property = n.Description().FindProperty(p.Name);
       if (property && property->Kind == Property::Type::Path && !p.Text.empty() && !n.Internal &&
-          n.Type != "ImageWriter" && MayBeOneFile(file, p.Text, run.First, run.End))
+          n.Type != "ImageWriter" && MayBeOneFile(file, p.Text, first, end))
       {
         return p.Text + ", which node " + Quoted(n.Path) + " reads";
       }
@@ -327,6 +331,32 @@ static void CheckFiles(const PipelineArguments& a, const PreparedRun& run)
     {
       throw UsageError(what + reader + "; nothing was executed");
     }
+  }
+}
+
+void CheckStatistics(const std::string& file, const PipelineArguments& a, const PreparedRun& run)
+{
+  const std::string what = "--stats " + file + " would write over ", end = "; nothing was executed";
+  std::error_code unknown;
+  if (std::filesystem::equivalent(file, a.File, unknown))
+  {
+    throw UsageError(what + "the pipeline file" + end);
+  }
+  const std::string reader = ReaderOf(file, run);
+  if (!reader.empty())
+  {
+    throw UsageError(what + reader + end);
+  }
+  for (const GraphOutput& o : run.Pipeline->Outputs)
+  {
+    if (!o.File.empty() && MayBeOneFile(file, o.File, run.First, run.End))
+    {
+      throw UsageError(what + o.File + ", output " + Quoted(o.Name) + " of this run" + end);
+    }
+  }
+  if (IsCheckpoint(file) || MayBeOneFile(file, CheckpointPath(*run.Executor), run.First, run.End))
+  {
+    throw UsageError(what + "a checkpoint" + end);
   }
 }
 

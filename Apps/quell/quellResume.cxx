@@ -86,7 +86,7 @@ bool IsWhole(const std::string& file, const ReadReport& header)
   }
 }
 
-/// Files of the run's frames before `end` that outputs should have and have not, at most a few.
+/// Files of the run's frames before `end` that outputs should have and have not, or not whole; at most a few.
 std::vector<std::string> MissingFiles(const PreparedRun& run, int end, std::size_t most)
 {
   std::vector<std::string> missing;
@@ -100,8 +100,16 @@ std::vector<std::string> MissingFiles(const PreparedRun& run, int end, std::size
         continue;
       }
       const std::string pattern = stage->GetPropertyText("File"), file = SequencePath(pattern, tick);
-      std::error_code code;
-      if (file != pattern && !std::filesystem::exists(file, code))
+      bool whole = file == pattern;
+      try
+      {
+        whole = whole || IsWhole(file, ReadImageHeader(file));
+      }
+      catch (const StageError&)
+      {
+        // it stays missing
+      }
+      if (!whole)
       {
         missing.push_back(file);
       }
@@ -171,7 +179,8 @@ std::map<std::string, std::string> ProvenanceOf(
   return m;
 }
 
-void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std::string>& ofRun, ResumePoint& progress)
+void SkipFinishedFrames(
+  const PreparedRun& run, const std::map<std::string, std::string>& ofRun, ResumePoint& progress, bool tell)
 {
   bool otherInstructions = false;
   const PipelineExecutor& executor = *run.Executor;
@@ -182,9 +191,12 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
     const vtkQuellStage* stage = executor.GetStage(path);
     if (!stage->GetDescription().FindProperty("File"))
     {
-      std::fprintf(stderr,
-        "quell: --resume: node %s writes no file that would tell which frames are done; starting from frame %d\n",
-        Quoted(path).c_str(), run.First);
+      if (tell)
+      {
+        std::fprintf(stderr,
+          "quell: --resume: node %s writes no file that would tell which frames are done; starting from frame %d\n",
+          Quoted(path).c_str(), run.First);
+      }
       return;
     }
   }
@@ -241,7 +253,7 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
         }
       }
       // Without a number in its name the file is of whatever frame was last.
-      done = done && !theirs.count("partial") && progress.Unfinished != tick;
+      done = done && !theirs.count("partial") && !progress.Unfinished.count(tick);
       done =
         done && (pattern != file || !theirs.count("frames") || value(theirs, "frames") == value(metadata, "frames"));
     }
@@ -250,6 +262,10 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
       progress.Done.insert(tick);
     }
   }
+  if (!tell)
+  {
+    return;
+  }
   if (otherInstructions)
   {
     std::fprintf(stderr,
@@ -257,7 +273,7 @@ void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std:
       "differ in the last digits\n",
       SimdTargetName());
   }
-  if (progress.Done.empty() && progress.Unfinished != run.First)
+  if (progress.Done.empty() && !progress.Unfinished.count(run.First))
   {
     std::fprintf(stderr, "quell: --resume: no frame is finished; starting from frame %d\n", run.First);
   }
@@ -281,13 +297,44 @@ Checkpoints::Checkpoints(PreparedRun& run)
   }
 }
 
-void Checkpoints::MentionOld() const
+void Checkpoints::MentionOld()
 {
-  if (IsCheckpoint(this->File))
+  if (!IsCheckpoint(this->File))
+  {
+    return;
+  }
+  std::string difference;
+  try
+  {
+    const Checkpoint there = ReadCheckpoint(this->File);
+    RunIdentity inputs;
+    difference = this->Difference(there, inputs);
+    if (difference.empty() && this->On)
+    {
+      this->OlderTick = there.Tick;
+    }
+    else if (difference.empty())
+    {
+      this->Unfinished = there.Unfinished;
+      this->Work = there.Work;
+      this->WorkTick = there.WorkTick;
+      this->Ours = true;
+    }
+  }
+  catch (const StageError& e)
+  {
+    difference = e.what();
+  }
+  if (difference.empty())
   {
     std::fprintf(stderr,
       "quell: %s of a run that was not completed is there; starting from frame %d, --resume would go on\n",
       this->File.c_str(), this->Start);
+  }
+  else
+  {
+    std::fprintf(stderr, "quell: %s of another run is there (%s); this run %s\n", this->File.c_str(),
+      difference.c_str(), this->On ? "replaces it" : "leaves it, or replaces it when it is interrupted in a frame");
   }
 }
 
@@ -315,7 +362,7 @@ int Checkpoints::Resume(const std::map<std::string, std::string>& metadata)
     ResumePoint all;
     if (checkpoint.Tick + 1 == this->Run.End)
     {
-      SkipFinishedFrames(this->Run, metadata, all);
+      SkipFinishedFrames(this->Run, metadata, all, false);
     }
     if (int(all.Done.size()) == this->Run.End - this->Run.First)
     {
@@ -341,34 +388,34 @@ int Checkpoints::Resume(const std::map<std::string, std::string>& metadata)
   if (!missing.empty())
   {
     std::fprintf(stderr,
-      "quell: warning: --resume: %s%s not there and not made again: a history goes on after the last frame; a run "
-      "without --resume makes all\n",
+      "quell: warning: --resume: %s%s not there, or not whole, and not made again: a history goes on after the last "
+      "frame; a run without --resume makes all\n",
       Enumerated(missing).c_str(), missing.size() > 1 ? " are" : " is");
   }
   std::fprintf(stderr, "quell: --resume: going on after frame %d, from %s\n", this->Saved, this->File.c_str());
   return this->Saved + 1;
 }
 
-std::optional<int> Checkpoints::ResumeWork()
+std::set<int> Checkpoints::ResumeWork()
 {
   std::error_code code;
-  if (!std::filesystem::exists(this->File, code))
+  if (std::filesystem::exists(this->File, code))
   {
-    return {};
+    const Checkpoint checkpoint = this->Read();
+    this->Unfinished = checkpoint.Unfinished;
+    this->TakeWork(checkpoint);
   }
-  this->TakeWork(this->Read());
-  return this->Work.empty() ? std::optional<int>() : std::optional<int>(this->WorkTick);
+  return this->Unfinished;
 }
 
 void Checkpoints::BeforeFrame(int tick)
 {
-  if (this->Work.empty() || tick != this->WorkTick)
+  if (this->Work.empty() || tick != this->WorkTick || !this->Resumed)
   {
     return;
   }
   std::string error;
-  this->Loaded = this->Run.Executor->LoadWork(this->Work, error);
-  if (!this->Loaded)
+  if (!this->Run.Executor->LoadWork(this->Work, error))
   {
     std::fprintf(stderr, "quell: warning: %s: %s; frame %d is made anew\n", this->File.c_str(), error.c_str(), tick);
   }
@@ -380,11 +427,31 @@ void Checkpoints::FrameDone(int tick, const std::map<std::string, std::string>& 
   this->AddInputs(sequences);
   this->Finished = tick;
   this->Any = true;
-  if (!this->On && this->Loaded && tick == this->WorkTick)
+  if (!this->On)
   {
-    this->Remove(); // this frame is whole now
+    this->Settle(tick);
   }
-  if (this->On && SecondsSince(this->LastWrite) >= 10 * this->Cost)
+  else if (SecondsSince(this->LastWrite) >= 10 * this->Cost && !this->IsFurther())
+  {
+    this->Write();
+  }
+}
+
+void Checkpoints::Settle(int tick)
+{
+  if (this->Unfinished.erase(tick) == 0)
+  {
+    return;
+  }
+  if (tick == this->WorkTick)
+  {
+    this->Work.clear();
+  }
+  if (this->Unfinished.empty())
+  {
+    this->Remove();
+  }
+  else
   {
     this->Write();
   }
@@ -394,29 +461,48 @@ void Checkpoints::FramePartial(int tick)
 {
   this->Work = this->Run.Executor->SaveWork();
   this->WorkTick = tick;
+  this->Unfinished.insert(tick);
+  this->Halved = true;
+  this->OlderTick.reset(); // one of its frames is overwritten by half of one
+}
+
+bool Checkpoints::IsFurther() const
+{
+  return this->OlderTick && *this->OlderTick > this->Finished;
 }
 
 void Checkpoints::End(bool complete)
 {
-  if (complete)
+  const Timeline& ticks = this->Run.Pipeline->Ticks;
+  // Frames behind those of this run can go on from it.
+  const bool stays =
+    this->OlderTick &&
+    (complete ? *this->OlderTick + 1 >= this->Run.End && this->Run.End < ticks.First + ticks.Count : this->IsFurther());
+  if (stays)
   {
-    this->Remove();
+    std::fprintf(stderr, "quell: %s stays: --resume goes on after frame %d\n", this->File.c_str(), *this->OlderTick);
     return;
   }
-  if (!this->Work.empty())
+  if (complete)
   {
-    if (this->Write())
+    // Frames that this run has not made may still be unfinished; what is of another run is not ours to delete.
+    if ((this->Ours || this->OlderTick) && (this->On || this->Unfinished.empty()))
     {
-      std::fprintf(
-        stderr, "quell: --resume goes on with the samples of frame %d, from %s\n", this->WorkTick, this->File.c_str());
+      this->Remove();
     }
     return;
   }
-  if (this->On && this->Any && this->Finished != this->Saved)
+  if (this->Halved && this->Write() && !this->Work.empty())
+  {
+    std::fprintf(
+      stderr, "quell: --resume goes on with the samples of frame %d, from %s\n", this->WorkTick, this->File.c_str());
+    return;
+  }
+  if (this->On && this->Any && this->Finished != this->Saved && !this->Halved)
   {
     this->Write();
   }
-  if (this->Saved > NoTick)
+  if (this->On && this->Saved > NoTick)
   {
     std::fprintf(stderr, "quell: --resume goes on after frame %d\n", this->Saved);
   }
@@ -448,39 +534,50 @@ void Checkpoints::Remove() const
   }
 }
 
+std::string Checkpoints::Difference(const Checkpoint& theirs, RunIdentity& inputs)
+{
+  if (this->Identity.empty())
+  {
+    this->Identity = this->IdentityOfRun();
+  }
+  const Timeline& ticks = this->Run.Pipeline->Ticks;
+  const int end = std::max(this->Run.End, ticks.First + ticks.Count);
+  const RunIdentity before = this->Inputs;
+  for (int tick = this->Start; this->On && tick <= theirs.Tick && tick < end; ++tick)
+  {
+    this->AddInputs(SequenceHashes(*this->Run.Pipeline, tick));
+  }
+  inputs = this->Inputs;
+  this->Inputs = before;
+  RunIdentity ours = this->Identity;
+  ours.insert(inputs.begin(), inputs.end());
+  // Another machine may have no choice.
+  const auto instructions = theirs.Identity.find(InstructionSet);
+  ours[InstructionSet] = instructions == theirs.Identity.end() ? std::string() : instructions->second;
+  return DifferenceOf(theirs.Identity, ours);
+}
+
 Checkpoint Checkpoints::Read()
 {
   try
   {
     Checkpoint checkpoint = ReadCheckpoint(this->File);
-    if (this->Identity.empty())
-    {
-      this->Identity = this->IdentityOfRun();
-    }
-    const Timeline& ticks = this->Run.Pipeline->Ticks;
-    const int end = std::max(this->Run.End, ticks.First + ticks.Count);
-    RunIdentity theirs = checkpoint.Identity, ours = this->Identity;
-    for (int tick = this->Start; this->On && tick <= checkpoint.Tick && tick < end; ++tick)
-    {
-      this->AddInputs(SequenceHashes(*this->Run.Pipeline, tick));
-    }
-    ours.insert(this->Inputs.begin(), this->Inputs.end());
-    // Another machine may have no choice.
-    if (theirs[InstructionSet] != ours[InstructionSet])
-    {
-      std::fprintf(stderr,
-        "quell: warning: --resume: the frames up to now were made with the instruction set %s, this run uses %s; "
-        "they "
-        "may differ in the last digits from those of one run\n",
-        OneLine(theirs[InstructionSet]).c_str(), SimdTargetName());
-    }
-    ours[InstructionSet] = theirs[InstructionSet];
-    const std::string difference = DifferenceOf(theirs, ours);
+    RunIdentity inputs;
+    const std::string difference = this->Difference(checkpoint, inputs);
+    this->Inputs = inputs;
     if (!difference.empty())
     {
       throw UsageError(
         "--resume: checkpoint " + this->File + " is of another run: " + difference + "; nothing was executed");
     }
+    if (checkpoint.Identity[InstructionSet] != this->Identity[InstructionSet])
+    {
+      std::fprintf(stderr,
+        "quell: warning: --resume: the frames up to now were made with the instruction set %s, this run uses %s; "
+        "they may differ in the last digits from those of one run\n",
+        OneLine(checkpoint.Identity[InstructionSet]).c_str(), SimdTargetName());
+    }
+    this->Ours = this->Resumed = true;
     return checkpoint;
   }
   catch (const StageError& e)
@@ -491,13 +588,17 @@ Checkpoint Checkpoints::Read()
 
 void Checkpoints::TakeWork(const Checkpoint& checkpoint)
 {
-  if (checkpoint.Work.empty() || checkpoint.WorkTick >= this->Run.End ||
-      checkpoint.WorkTick < this->Run.First - this->Run.History.Frames)
+  const bool now = checkpoint.WorkTick < this->Run.End && checkpoint.WorkTick >= this->Start;
+  if (checkpoint.Work.empty() || (this->On && !now))
   {
     return;
   }
-  this->Work = checkpoint.Work;
+  this->Work = checkpoint.Work; // of a frame that another run makes: it stays in the file
   this->WorkTick = checkpoint.WorkTick;
+  if (!now)
+  {
+    return;
+  }
   std::fprintf(
     stderr, "quell: --resume: going on with the samples of frame %d, from %s\n", this->WorkTick, this->File.c_str());
 }
@@ -519,11 +620,14 @@ bool Checkpoints::Write()
   }
   checkpoint.Work = this->Work;
   checkpoint.WorkTick = this->WorkTick;
+  checkpoint.Unfinished = this->Unfinished;
   bool good = true;
   try
   {
     WriteCheckpoint(this->File, checkpoint);
     this->Saved = this->Finished;
+    this->Ours = true;
+    this->OlderTick.reset();
     this->Failed = false;
   }
   catch (const StageError& e)

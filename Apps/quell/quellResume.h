@@ -26,23 +26,25 @@ std::map<std::string, std::string> ProvenanceOf(
 /// Where a run starts, and which frames it need not make.
 struct ResumePoint
 {
-  int Start = 0;                 ///< the first tick to run
-  std::set<int> Done;            ///< finished by an earlier run
-  std::optional<int> Unfinished; ///< has samples of an earlier run
+  int Start = 0;            ///< the first tick to run
+  std::set<int> Done;       ///< finished by an earlier run
+  std::set<int> Unfinished; ///< have fewer samples than they should
 };
 
-/// Frames without history are finished when their files are there and of this very pipeline.
-void SkipFinishedFrames(const PreparedRun& run, const std::map<std::string, std::string>& ofRun, ResumePoint& progress);
+/// Frames without history are finished when their files are there and of this very pipeline; `tell`: says so.
+void SkipFinishedFrames(
+  const PreparedRun& run, const std::map<std::string, std::string>& ofRun, ResumePoint& progress, bool tell);
 
 /// Keeps the file from which an interrupted run goes on: the history of the last frame, for sequences that have one,
-/// and the samples of a frame that was finished early.
+/// and the samples of a frame that was finished early, with the list of such frames: pictures other than EXR cannot say
+/// it themselves. A file of another run, or of this one and further, stays until this run has one of its own to write.
 class Checkpoints
 {
 public:
   explicit Checkpoints(PreparedRun& run);
 
-  /// Before it is overwritten: somebody may have forgotten --resume.
-  void MentionOld() const;
+  /// Of a run without --resume, which somebody may have forgotten.
+  void MentionOld();
 
   void SetProgress(ProgressLine* line) { this->Line = line; }
 
@@ -51,8 +53,8 @@ public:
   /// run.
   int Resume(const std::map<std::string, std::string>& metadata);
 
-  /// The frame whose samples were saved, of a run without history.
-  std::optional<int> ResumeWork();
+  /// Of a run without history: takes the samples that were saved; the frames that are unfinished.
+  std::set<int> ResumeWork();
 
   void BeforeFrame(int tick);
 
@@ -71,10 +73,19 @@ private:
   /// The history of a frame is of all files that were read up to it.
   void AddInputs(const std::map<std::string, std::string>& hashes);
 
+  /// What makes a checkpoint one of another run, or ""; `inputs`: what this run would have read up to it.
+  std::string Difference(const Checkpoint& theirs, RunIdentity& inputs);
+
   void Remove() const;
 
   /// Throws UsageError when it is damaged or not of this run.
   Checkpoint Read();
+
+  /// The file is of this run's frames and of a later one than this run has come to.
+  bool IsFurther() const;
+
+  /// After a frame without history: it is unfinished no more.
+  void Settle(int tick);
 
   void TakeWork(const Checkpoint& checkpoint);
 
@@ -84,13 +95,17 @@ private:
   static constexpr int NoTick = std::numeric_limits<int>::min();
   PreparedRun& Run;
   int Start;
-  bool On = false, Any = false, Loaded = false, Failed = false;
+  bool On = false, Any = false, Failed = false;
+  bool Resumed = false, Ours = false; ///< the file was read to go on from; is this run's to replace and to delete
   std::string File;
   RunIdentity Identity, Inputs; ///< Inputs: of the sequences that are read
   ProgressLine* Line = nullptr;
   int Finished = NoTick, Saved = NoTick;
   PipelineExecutor::Work Work; ///< read and not yet given to the executor, or to be written
   int WorkTick = 0;
+  bool Halved = false; ///< this run ended in the middle of a frame
+  std::set<int> Unfinished;     ///< of runs without history
+  std::optional<int> OlderTick; ///< of a history of this run that was there and was not gone on from
   std::chrono::steady_clock::time_point LastWrite = std::chrono::steady_clock::now();
   double Cost = 0;
 };

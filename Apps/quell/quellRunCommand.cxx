@@ -10,6 +10,7 @@
 #include "quellTemporaryFile.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -198,9 +199,23 @@ bool WriteStats(const std::string& file, const PreparedRun& run, const Times& ti
       out["nodes"].back()["estimatedSeconds"] = planned->Seconds * double(k.Executions);
     }
   }
+  const std::string text = JsonText(out) + "\n";
+  std::error_code unknown;
+  if (std::filesystem::is_other(std::filesystem::status(file, unknown)))
+  {
+    // A device or a pipe, as /dev/stdout, is written to and not replaced.
+    std::FILE* const device = std::fopen(file.c_str(), "w");
+    const bool written = device && std::fwrite(text.data(), 1, text.size(), device) == text.size();
+    if (device && std::fclose(device) == 0 && written)
+    {
+      return true;
+    }
+    std::fprintf(stderr, "quell: error: --stats %s cannot be written: %s\n", file.c_str(), std::strerror(errno));
+    return false;
+  }
   // Whole or not at all, as frames are.
   TemporaryFile temporary(file);
-  temporary.Write(JsonText(out) + "\n");
+  temporary.Write(text);
   if (const int error = temporary.Rename())
   {
     std::fprintf(stderr, "quell: error: --stats %s cannot be written: %s\n", file.c_str(), std::strerror(error));
@@ -218,15 +233,9 @@ int RunCommand(const RunArguments& arguments)
     return ExitUsage;
   }
   PipelineExecutor& executor = *run.Executor;
-  std::error_code unknown;
-  if (!arguments.Stats.empty() && std::filesystem::equivalent(arguments.Stats, arguments.File, unknown))
+  if (!arguments.Stats.empty())
   {
-    throw UsageError("--stats " + arguments.Stats + " would write over the pipeline file; nothing was executed");
-  }
-  const std::string reader = arguments.Stats.empty() ? std::string() : ReaderOf(arguments.Stats, run);
-  if (!reader.empty())
-  {
-    throw UsageError("--stats " + arguments.Stats + " would write over " + reader + "; nothing was executed");
+    CheckStatistics(arguments.Stats, arguments, run);
   }
   std::string error;
   if (run.Region && !executor.CheckRegion(error))
@@ -263,7 +272,7 @@ int RunCommand(const RunArguments& arguments)
     ResumePoint all = resumed;
     if (!checkpoints.Exists())
     {
-      SkipFinishedFrames(run, metadata, all);
+      SkipFinishedFrames(run, metadata, all, false);
     }
     if (int(all.Done.size()) == run.End - run.First)
     {
@@ -275,7 +284,7 @@ int RunCommand(const RunArguments& arguments)
   else if (arguments.Resume)
   {
     resumed.Unfinished = checkpoints.ResumeWork();
-    SkipFinishedFrames(run, metadata, resumed);
+    SkipFinishedFrames(run, metadata, resumed, true);
   }
   else
   {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fcntl.h>
 #include <filesystem>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace quell
@@ -13,15 +14,29 @@ namespace quell
 TemporaryFile::TemporaryFile(const std::string& target)
   : Target(target)
 {
+  mode_t rights = 0666;
+  struct stat there;
+  if (lstat(target.c_str(), &there) == 0 && !S_ISLNK(there.st_mode) && !S_ISDIR(there.st_mode))
+  {
+    this->Failure = !S_ISREG(there.st_mode) ? EEXIST : access(target.c_str(), W_OK) != 0 ? errno : 0;
+    rights &= there.st_mode;
+  }
   static std::atomic<unsigned> counter{ 0 };
   const std::filesystem::path path(target);
-  this->Name = (path.parent_path() / ("." + path.filename().string().substr(0, 200) + "." + std::to_string(getpid()) +
-                                       "-" + std::to_string(counter++) + ".part"))
-                 .string();
-  this->File = open(this->Name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  const std::string name = "." + path.filename().string().substr(0, 200) + "." + std::to_string(getpid()) + "-";
+  // A process of the same number may have been killed here, as where every container's is 1.
+  for (int attempt = 0; attempt < 1000 && !this->Failure && this->File < 0; ++attempt)
+  {
+    this->Name = (path.parent_path() / (name + std::to_string(counter++) + ".part")).string();
+    this->File = open(this->Name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, rights);
+    if (this->File < 0 && errno != EEXIST)
+    {
+      this->Failure = errno;
+    }
+  }
   if (this->File < 0)
   {
-    this->Failure = errno;
+    this->Failure = this->Failure ? this->Failure : EEXIST;
     this->Done = true; // what is there under this name is not ours
   }
 }

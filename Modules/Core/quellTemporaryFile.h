@@ -11,7 +11,9 @@ namespace quell
 {
 /// A file that is whole or absent: written under `.NAME.PID-N.part` in the directory of `target`, hidden, and renamed at
 /// the end. NAME is cut to 200 bytes: with all of a long one no file could be made. The file is made anew, so that no
-/// link that waits under this name is followed. Gone with the object unless Rename() succeeded.
+/// link that waits under this name is followed; where something does, the next N is taken. Gone with the object unless
+/// Rename() succeeded. A target that may not be written (EACCES), a device or a pipe (EEXIST) is not replaced; a file
+/// keeps its rights, a link does not stay.
 ///
 /// Functions that can fail give errno of the first failure, 0 without one; after it they do nothing.
 class VTKQUELLCORE_EXPORT TemporaryFile

@@ -1033,10 +1033,12 @@ std::string KnownExtension(const std::string& path)
 
 namespace
 {
-/// Renaming would replace a file that somebody has made read-only.
+/// Renaming would replace a file that somebody has made read-only, and devices.
 void CheckUnprotected(const std::string& path)
 {
   std::error_code ec;
+  if (fs::is_other(fs::symlink_status(path, ec)))
+    Refuse("write", path, "it is a device or a pipe", "choose another name");
   if (fs::is_regular_file(path, ec) && access(path.c_str(), W_OK) != 0)
     Refuse("write", path, "the file that is there may not be written (" + std::string(std::strerror(errno)) + ")",
       "choose another name, or change its permissions");

@@ -63,7 +63,7 @@ void FeatureNoise(const ImageIn& value, const ImageIn& normal, const ImageIn& de
         }
         const float* g = value.at(qx, qy);
         const float sum = (g[0] - f[0]) * (g[0] - f[0]) + (g[1] - f[1]) * (g[1] - f[1]) + (g[2] - f[2]) * (g[2] - f[2]);
-        s = std::min(sum, 1e30f) * (0.5f / 3 / MedianOfChiSquare3);
+        s = std::min(sum, 1e36f) * (0.5f / 3 / MedianOfChiSquare3);
       }
     }
   for (int y = grown.y0; y < grown.y1; ++y)

@@ -26,7 +26,7 @@ namespace quell
 namespace
 {
 const char Magic[8] = { 'Q', 'U', 'E', 'L', 'L', 'C', 'K', 'P' };
-const std::uint32_t FormatVersion = 2;
+const std::uint32_t FormatVersion = 3;
 const std::uint64_t HeadBytes = sizeof Magic + 4 + 8, HashBytes = 8;
 
 static_assert(sizeof(float) == 4 && sizeof(double) == 8, "the file's number formats");
@@ -449,6 +449,7 @@ void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
     {
       size += strings(i.first) + 8 + i.second.size();
     }
+    size += 4 + 4 * std::uint64_t(checkpoint.Unfinished.size());
     w.Bytes(Magic, sizeof Magic);
     w.Number(FormatVersion);
     w.Number(size);
@@ -471,6 +472,11 @@ void WriteCheckpoint(const std::string& file, const Checkpoint& checkpoint)
       w.String(i.first);
       w.Number(std::uint64_t(i.second.size()));
       w.Bytes(i.second.data(), i.second.size());
+    }
+    w.Number(std::uint32_t(checkpoint.Unfinished.size()));
+    for (const int tick : checkpoint.Unfinished)
+    {
+      w.Number(std::int32_t(tick));
     }
     w.Number(w.Hash.Value());
     if (const int error = temporary.Rename())
@@ -531,6 +537,10 @@ Checkpoint ReadCheckpoint(const std::string& file)
       std::string& work = checkpoint.Work[node];
       work.resize(std::size_t(bytes));
       r.Bytes(&work[0], work.size());
+    }
+    for (std::uint32_t i = r.Count(4); i > 0; --i)
+    {
+      checkpoint.Unfinished.insert(r.Number<std::int32_t>());
     }
     const std::uint64_t expected = r.Hash.Value();
     if (r.Number<std::uint64_t>() != expected || r.Left != 0)

@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 
 namespace quell
@@ -23,16 +24,17 @@ VTKQUELLPIPELINE_EXPORT RunIdentity IdentityOf(
 /// 0.2`.
 VTKQUELLPIPELINE_EXPORT std::string DifferenceOf(const RunIdentity& before, const RunIdentity& now);
 
-/// The state of a run after a frame, and the work in a later one that was finished early, as a file. Little endian,
+/// The state of a run after a frame, the work in a later one that was finished early, and which frames were, as a file. Little endian,
 /// lengths as u32 or u64, no padding:
 ///
-///     "QUELLCKP" u32 version = 2, u64 size of the whole file, i32 tick
+///     "QUELLCKP" u32 version = 3, u64 size of the whole file, i32 tick
 ///     u32 n, n x { string label, string value }                                     the identity
 ///     u32 n, n x { string producer, i32 extent[4] (x0, x1, y0, y1 inclusive), f64 origin[3], f64 spacing[3],
 ///                  u32 m, m x { string name, u32 components, float32 values[] },     rows from the bottom
 ///                  u32 f, f x { string name, u8 kind, u32 count, values }            field data: 0 f64, 1 i64, 2
 ///                  string
 ///     i32 tick of the unfinished frame, u32 n, n x { string node, u64 bytes, bytes }  vtkQuellStage::SaveWork
+///     u32 n, n x { i32 tick }                                                        the frames that were
 ///     u64 ContentHash of everything before
 ///
 /// where a string is a u32 length and that many bytes.
@@ -43,6 +45,7 @@ struct VTKQUELLPIPELINE_EXPORT Checkpoint
   FrameHistory::Frame Frame;
   int WorkTick = 0; ///< what Work is of; behind Tick
   PipelineExecutor::Work Work;
+  std::set<int> Unfinished; ///< frames whose files hold fewer samples than they should
 };
 
 /// Writes under a temporary name beside `file` and renames; never over what is no checkpoint. Throws StageError with the

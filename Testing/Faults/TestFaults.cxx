@@ -10,6 +10,7 @@
 #include "vtkPointData.h"
 
 #include <cstring>
+#include <fcntl.h>
 #include <random>
 
 using namespace quell;
@@ -127,6 +128,29 @@ TEST_F(Faults, NoRoomForStatisticsIsAFailure)
   EXPECT_NE(outcome.Said.find("--stats s.json cannot be written"), std::string::npos) << outcome.Said;
   EXPECT_EQ(this->Read("s.json"), "of before");
   EXPECT_TRUE(this->Temporary().empty());
+}
+
+TEST_F(Faults, PipesAreNotReplaced)
+{
+  this->Write("p.xml", Box("<output name=\"o\" from=\"pt\" file=\"x.png\"/>"));
+  const std::string pipe = (this->Directory / "pipe").string(), picture = (this->Directory / "x.png").string();
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  const int reader = open(pipe.c_str(), O_RDWR | O_NONBLOCK);
+  ASSERT_GE(reader, 0);
+  const Outcome outcome = RunQuell(this->Directory, { "run", "p.xml", "--quiet", "--stats", "pipe" });
+  EXPECT_EQ(outcome.Status, 0) << outcome.Said;
+  EXPECT_TRUE(fs::is_fifo(pipe));
+  std::string text(65536, ' ');
+  const ssize_t got = read(reader, text.data(), text.size());
+  close(reader);
+  ASSERT_GT(got, 0);
+  EXPECT_NE(text.find("\"nodes\""), std::string::npos);
+  fs::remove(picture);
+  ASSERT_EQ(mkfifo(picture.c_str(), 0600), 0);
+  const Outcome refused = RunQuell(this->Directory, { "run", "p.xml", "--quiet" });
+  EXPECT_EQ(refused.Status, 2) << refused.Said;
+  EXPECT_NE(refused.Said.find("it is a device or a pipe"), std::string::npos) << refused.Said;
+  EXPECT_TRUE(fs::is_fifo(picture));
 }
 
 TEST_F(Faults, StandardOutputThatIsGone)

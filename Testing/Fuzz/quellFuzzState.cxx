@@ -101,6 +101,7 @@ void WriteCheckpoints(const fs::path& directory)
   if (const TickResult result = executor.RunTick(2); !result.Ok || result.Partial.empty())
     throw std::runtime_error("the frame was not finished early: " + result.Error);
   checkpoint.WorkTick = 2;
+  checkpoint.Unfinished = { 2, 5 };
   checkpoint.Work = executor.SaveWork();
   if (checkpoint.Work.empty())
     throw std::runtime_error("no samples to keep");

@@ -2,6 +2,7 @@
 // The program itself, told to stop in the middle of a long render: SIGINT when its first progress line shows.
 #include "RunProgram.h"
 #include "quellFrameFacts.h"
+#include "quellCheckpoint.h"
 #include "quellImageFile.h"
 #include "vtkFieldData.h"
 #include "vtkFloatArray.h"
@@ -137,6 +138,38 @@ TEST_F(Interrupt, WhatIsSampledIsWrittenAndGoesOn)
   ASSERT_EQ(a.size(), 24u * 16u * 3u);
   EXPECT_EQ(a, b);
   EXPECT_EQ(this->Metadata("other/whole.exr", "partial"), "");
+}
+
+// A PNG cannot say that it is unfinished: the checkpoint knows of each one.
+TEST_F(Interrupt, PicturesWithoutWordsStayUnfinished)
+{
+  std::ofstream(this->Directory / "png.xml")
+    << "<pipeline version=\"1\">\n<time count=\"4\"/>\n<node id=\"pt\" type=\"PathTraceSource\"><property "
+       "name=\"Scene\" value=\"" QUELL_SOURCE_DIR
+       "/Data/Scenes/cornell-box.gltf\"/><property name=\"Width\" value=\"24\"/><property name=\"Height\" "
+       "value=\"16\"/><property name=\"SamplesPerPixel\" value=\"1000000\"/></node>\n<node id=\"eye\" "
+       "type=\"DisplayTransform\"><input port=\"radiance\" from=\"pt:radiance\"/></node>\n<output name=\"o\" "
+       "from=\"eye\" file=\"o.####.png\"/>\n</pipeline>\n";
+  const std::string file = (this->Directory / "png.checkpoint").string();
+  std::set<int> expected;
+  std::string frames;
+  for (const int tick : { 1, 0, 3 })
+  {
+    expected.insert(tick);
+    std::vector<std::string> arguments = { "run", "png.xml", "--frames", std::to_string(tick) };
+    if (tick == 0) // goes on with the list, too
+      arguments.push_back("--resume");
+    const Outcome outcome = Start(this->Directory, arguments, Progress, 1);
+    ASSERT_EQ(outcome.Status, 130) << outcome.Said;
+    EXPECT_TRUE(fs::exists(this->Directory / ("o.000" + std::to_string(tick) + ".png")));
+    EXPECT_EQ(quell::ReadCheckpoint(file).Unfinished, expected);
+    EXPECT_EQ(quell::ReadCheckpoint(file).WorkTick, tick);
+  }
+  // None of them counts as there.
+  const Outcome again = Start(this->Directory, { "run", "png.xml", "--resume", "--frames", "1" }, Progress, 1);
+  EXPECT_EQ(again.Status, 130) << again.Said;
+  EXPECT_EQ(again.Said.find("nothing to do"), std::string::npos) << again.Said;
+  EXPECT_EQ(quell::ReadCheckpoint(file).Unfinished, expected);
 }
 
 TEST_F(Interrupt, TheSecondOneGivesTheFrameUp)

@@ -284,18 +284,25 @@ void Brighten(PortBench& bench, int exponent)
 
 /// How far a stage is from f(s x) = s f(x). Powers of two leave no rounding: what is seen are floors, limits and the
 /// range of floats.
+/// Their parameters are in units of light, or a curve is for the eye.
+const std::set<std::string> InUnitsOfLight = { "BilateralFilter", "DisplayTransform", "EmissionSplit", "FireflyClamp",
+  "Redistribute", "TemporalAntialias" };
+
+bool IsScaled(const Case& c)
+{
+  const quell::ArrayType* const array = quell::FindArray(c.Output);
+  return c.Reference && array && array->Kind == quell::ArrayKind::Color && !InUnitsOfLight.count(c.Type);
+}
+
 std::string ScaleTable()
 {
   const std::vector<int> exponents = { -110, -33, -17, -10, 10, 56, 63, 100, 120, 123 };
-  // They have parameters in units of light, and a curve for the eye.
-  const std::set<std::string> absolute = { "BilateralFilter", "DisplayTransform", "EmissionSplit", "FireflyClamp",
-    "Redistribute", "TemporalAntialias" };
   std::ostringstream out;
   out << "The same picture, its light times s (a power of two next to the number), its variance times s^2 as far as a "
          "float goes: largest error of the output over s against the output of s = 1, relative as above; *light*: that "
          "much of the whole frame's is there, where it is not 100 %. Not of stages whose parameters are in units of light: ";
-  for (const std::string& type : absolute)
-    out << (type == *absolute.begin() ? "" : ", ") << type;
+  for (const std::string& type : InUnitsOfLight)
+    out << (type == *InUnitsOfLight.begin() ? "" : ", ") << type;
   out << ".\n\n| stage |";
   for (const int e : exponents)
     out << " " << Number(std::ldexp(1., e), "%.0e") << " |";
@@ -306,8 +313,7 @@ std::string ScaleTable()
   const int w = 67, h = 53;
   for (const Case& c : quelltest::Cases())
   {
-    const quell::ArrayType* const array = quell::FindArray(c.Output);
-    if (!c.Reference || !array || array->Kind != quell::ArrayKind::Color || absolute.count(c.Type))
+    if (!IsScaled(c))
       continue;
     const auto output = [&c](int exponent)
     {
@@ -450,8 +456,13 @@ int Check(const std::string& top)
     if (worst > 1e-3 || now.Worst > 1e-3)
       say(c.Type + " is further than 1e-3 from its formula");
   }
-  for (const char* name : { "storage", "history", "scale" })
+  for (const char* name : { "storage", "history" })
     Find(page, name);
+  const Part scale = Find(page, "scale");
+  const std::string scaled = page.substr(scale.Begin, scale.End - scale.Begin);
+  for (const Case& c : quelltest::Cases())
+    if ((scaled.find("| " + c.Type + " |") != std::string::npos) != IsScaled(c))
+      say("light of any size: row of " + c.Type);
   return wrong ? 1 : 0;
 }
 

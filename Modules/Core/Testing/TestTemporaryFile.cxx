@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace fs = std::filesystem;
@@ -89,18 +90,46 @@ TEST_F(TemporaryFiles, ALinkThatWaitsIsNotFollowed)
   const std::string name = first.Path(), end = ".part";
   const std::size_t dash = name.rfind('-');
   const int number = std::stoi(name.substr(dash + 1));
-  const std::string next = name.substr(0, dash + 1) + std::to_string(number + 1) + end;
-  fs::create_symlink("theirs", next);
+  const auto next = [&](int k) { return name.substr(0, dash + 1) + std::to_string(number + k) + end; };
+  fs::create_symlink("theirs", next(1));
+  this->Put(fs::path(next(2)).filename().string(), "of one that was killed");
   {
     TemporaryFile file(this->Target());
-    ASSERT_EQ(file.Path(), next);
-    EXPECT_EQ(file.Error(), EEXIST);
-    EXPECT_EQ(file.Write("gone"), EEXIST);
-    EXPECT_EQ(file.Rename(), EEXIST);
+    ASSERT_EQ(file.Path(), next(3));
+    EXPECT_EQ(file.Write("ours"), 0);
+    EXPECT_EQ(file.Rename(), 0);
   }
   EXPECT_EQ(this->Get("theirs"), "of before");
-  EXPECT_TRUE(fs::is_symlink(next));
-  EXPECT_FALSE(fs::exists(this->Target()));
+  EXPECT_TRUE(fs::is_symlink(next(1)));
+  EXPECT_TRUE(fs::is_regular_file(next(2)));
+  EXPECT_EQ(this->Get("x"), "ours");
+}
+
+TEST_F(TemporaryFiles, WhatIsNoFileStaysAndRightsAreKept)
+{
+  ASSERT_EQ(mkfifo(this->Target().c_str(), 0600), 0);
+  {
+    TemporaryFile file(this->Target());
+    EXPECT_EQ(file.Error(), EEXIST);
+    EXPECT_EQ(file.Rename(), EEXIST);
+  }
+  EXPECT_TRUE(fs::is_fifo(this->Target()));
+  this->Put("y", "of before");
+  fs::permissions(this->Directory / "y", fs::perms::owner_read | fs::perms::owner_write);
+  {
+    TemporaryFile file(this->Target("y"));
+    EXPECT_EQ(file.Rename(), 0);
+  }
+  EXPECT_EQ(fs::status(this->Directory / "y").permissions(), fs::perms::owner_read | fs::perms::owner_write);
+}
+
+TEST_F(TemporaryFiles, WhatIsProtectedStays)
+{
+  this->Put("y", "of before");
+  fs::permissions(this->Directory / "y", fs::perms::owner_read);
+  if (access(this->Target("y").c_str(), W_OK) == 0)
+    GTEST_SKIP() << "root may write everything";
+  EXPECT_EQ(TemporaryFile(this->Target("y")).Error(), EACCES);
 }
 
 TEST_F(TemporaryFiles, FailuresAreTold)

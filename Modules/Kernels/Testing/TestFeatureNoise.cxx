@@ -51,6 +51,26 @@ TEST(FeatureNoise, FindsTheVarianceOfGaussianNoise)
   }
 }
 
+// Powers of two: nothing rounds otherwise.
+TEST(FeatureNoise, OfLightOfAnySize)
+{
+  Image noise({ 0, 0, 40, 30 }, 3);
+  Random u(5);
+  for (float& v : noise.data)
+    v = u();
+  const Image wanted = Noise(noise, noise.extent);
+  for (const int exponent : { -40, 20, 56 })
+  {
+    Image other = noise;
+    for (float& v : other.data)
+      v = std::ldexp(v, exponent);
+    Image found = Noise(other, other.extent);
+    for (float& v : found.data)
+      v = std::ldexp(v, -2 * exponent);
+    EXPECT_TRUE(found.data == wanted.data) << exponent;
+  }
+}
+
 TEST(FeatureNoise, DoesNotTakeEdgesAndFlatsForNoise)
 {
   const Image flat({ 0, 0, 20, 20 }, 3, 0.3f);

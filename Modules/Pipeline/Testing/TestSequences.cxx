@@ -304,6 +304,7 @@ TEST_F(Checkpoints, FactsOfTheFrameComeBack)
   c.WorkTick = 1;
   c.Work["pt"] = std::string("sums\0and more", 13);
   c.Work["other"] = std::string();
+  c.Unfinished = { -3, 1, 7 };
   vtkImageData* image = c.Frame.begin()->second;
   facts.Write(image->GetFieldData());
   const std::string file = (this->Folder / "c").string();
@@ -319,6 +320,7 @@ TEST_F(Checkpoints, FactsOfTheFrameComeBack)
   EXPECT_EQ(back.Partial, "3 of 8 samples");
   EXPECT_EQ(read.WorkTick, 1);
   EXPECT_EQ(read.Work, c.Work);
+  EXPECT_EQ(read.Unfinished, c.Unfinished);
 }
 
 TEST_F(Checkpoints, APartialFrameIsWrittenAndLeavesTheHistory)
