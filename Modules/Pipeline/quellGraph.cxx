@@ -1253,6 +1253,13 @@ private:
         return std::string();
       }
     }
+    if (fs::path(text).parent_path().native().find("##") != std::string::npos)
+    {
+      this->Error(place, who,
+        name + " = " + Quoted(text) + ": the number of a frame stands in the name of a file, not of a directory",
+        "write the #### behind the last /");
+      return std::string();
+    }
     std::string directory;
     if (this->Options.Outside == OutsideOutputs::Allowed || IsCommandLine(place) ||
         IsInside(this->Options.OutputDirectory, path, directory))

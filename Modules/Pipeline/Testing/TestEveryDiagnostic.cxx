@@ -444,6 +444,11 @@ TEST(EveryDiagnostic, OutputsOutsideOfTheirDirectory)
                        "...\": a name of 256 bytes, more than the 255 that a file's may have\n"),
     std::string::npos)
     << named;
+  const std::string numbered = Messages("<output name=\"o\" from=\"pt\" file=\"f####/x.exr\"/>\n" + Pt);
+  EXPECT_NE(numbered.find("error: output \"o\": File = \"f####/x.exr\": the number of a frame stands in the name of a "
+                          "file, not of a directory; write the #### behind the last /\n"),
+    std::string::npos)
+    << numbered;
 }
 
 TEST(EveryDiagnostic, IsTestedWithItsExactText)
