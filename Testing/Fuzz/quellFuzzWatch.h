@@ -6,12 +6,19 @@
 #include <string>
 #include <vector>
 
+/// Processor seconds that a document may take. Sanitizers take four times as long, and more on a busy machine.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr double FuzzSeconds = 60;
+#else
+constexpr double FuzzSeconds = 10;
+#endif
+
 /// What a fuzz program is told: [--documents N] [--seed S] [--only N] [--seconds T] [--megabytes M] [--keep DIR]
 /// PATH...
 struct FuzzOptions
 {
   std::uint64_t Documents = 10000, Seed = 1, Only = std::uint64_t(-1);
-  double Seconds = 10, Megabytes = 1024;
+  double Seconds = FuzzSeconds, Megabytes = 1024;
   std::string Keep = ".";
   std::vector<std::string> Paths;
 };
