@@ -120,8 +120,6 @@ GraphOptions GraphOptionsOf(const PipelineArguments& arguments);
 /// "A:B" are frames A to B, both of them, "N" is one; `end` is one behind the last. Empty: all. Throws UsageError.
 void ParseFrames(
   const std::string& text, const Timeline& ticks, int& first, int& end, const std::string& whose = "the pipeline");
-/// "FILE, which node "ID" reads" where a node of the run may read `file`, else nothing.
-std::string ReaderOf(const std::string& file, const PreparedRun& run);
 /// Throws UsageError where --stats `file` is one that the run reads or writes otherwise.
 void CheckStatistics(const std::string& file, const PipelineArguments& a, const PreparedRun& run);
 /// The plan of a run, in bands where --memory, or without it the machine's memory, asks for that; throws UsageError when

@@ -283,7 +283,8 @@ static bool MayBeOneFile(const std::string& a, const std::string& b, int first, 
   return false;
 }
 
-std::string ReaderOf(const std::string& file, const PreparedRun& run)
+/// "FILE, which node "ID" reads" where a node of the run may read `file`, else nothing.
+static std::string ReaderOf(const std::string& file, const PreparedRun& run)
 {
   // What other frames read is as dear.
   const Timeline& ticks = run.Pipeline->Ticks;

@@ -86,6 +86,15 @@ bool IsWhole(const std::string& file, const ReadReport& header)
   }
 }
 
+/// The history of a frame is of all files that were read up to it.
+void AddInputs(RunIdentity& inputs, const std::map<std::string, std::string>& hashes)
+{
+  for (const auto& h : hashes)
+  {
+    inputs["the contents of " + h.first + ":"] = h.second;
+  }
+}
+
 /// Files of the run's frames before `end` that outputs should have and have not, or not whole; at most a few.
 std::vector<std::string> MissingFiles(const PreparedRun& run, int end, std::size_t most)
 {
@@ -346,8 +355,7 @@ bool Checkpoints::Exists() const
 
 int Checkpoints::Resume(const std::map<std::string, std::string>& metadata)
 {
-  std::error_code code;
-  if (!std::filesystem::exists(this->File, code))
+  if (!this->Exists())
   {
     std::fprintf(
       stderr, "quell: --resume: there is no checkpoint %s; starting from frame %d\n", this->File.c_str(), this->Start);
@@ -398,8 +406,7 @@ int Checkpoints::Resume(const std::map<std::string, std::string>& metadata)
 
 std::set<int> Checkpoints::ResumeWork()
 {
-  std::error_code code;
-  if (std::filesystem::exists(this->File, code))
+  if (this->Exists())
   {
     const Checkpoint checkpoint = this->Read();
     this->Unfinished = checkpoint.Unfinished;
@@ -424,7 +431,7 @@ void Checkpoints::BeforeFrame(int tick)
 
 void Checkpoints::FrameDone(int tick, const std::map<std::string, std::string>& sequences)
 {
-  this->AddInputs(sequences);
+  AddInputs(this->Inputs, sequences);
   this->Finished = tick;
   this->Any = true;
   if (!this->On)
@@ -517,14 +524,6 @@ RunIdentity Checkpoints::IdentityOfRun() const
   return id;
 }
 
-void Checkpoints::AddInputs(const std::map<std::string, std::string>& hashes)
-{
-  for (const auto& h : hashes)
-  {
-    this->Inputs["the contents of " + h.first + ":"] = h.second;
-  }
-}
-
 void Checkpoints::Remove() const
 {
   std::error_code code;
@@ -542,13 +541,10 @@ std::string Checkpoints::Difference(const Checkpoint& theirs, RunIdentity& input
   }
   const Timeline& ticks = this->Run.Pipeline->Ticks;
   const int end = std::max(this->Run.End, ticks.First + ticks.Count);
-  const RunIdentity before = this->Inputs;
   for (int tick = this->Start; this->On && tick <= theirs.Tick && tick < end; ++tick)
   {
-    this->AddInputs(SequenceHashes(*this->Run.Pipeline, tick));
+    AddInputs(inputs, SequenceHashes(*this->Run.Pipeline, tick));
   }
-  inputs = this->Inputs;
-  this->Inputs = before;
   RunIdentity ours = this->Identity;
   ours.insert(inputs.begin(), inputs.end());
   // Another machine may have no choice.
@@ -562,9 +558,7 @@ Checkpoint Checkpoints::Read()
   try
   {
     Checkpoint checkpoint = ReadCheckpoint(this->File);
-    RunIdentity inputs;
-    const std::string difference = this->Difference(checkpoint, inputs);
-    this->Inputs = inputs;
+    const std::string difference = this->Difference(checkpoint, this->Inputs);
     if (!difference.empty())
     {
       throw UsageError(

@@ -70,10 +70,7 @@ public:
 private:
   RunIdentity IdentityOfRun() const;
 
-  /// The history of a frame is of all files that were read up to it.
-  void AddInputs(const std::map<std::string, std::string>& hashes);
-
-  /// What makes a checkpoint one of another run, or ""; `inputs`: what this run would have read up to it.
+  /// What makes a checkpoint one of another run, or ""; what this run would have read up to it is added to `inputs`.
   std::string Difference(const Checkpoint& theirs, RunIdentity& inputs);
 
   void Remove() const;
@@ -103,7 +100,7 @@ private:
   int Finished = NoTick, Saved = NoTick;
   PipelineExecutor::Work Work; ///< read and not yet given to the executor, or to be written
   int WorkTick = 0;
-  bool Halved = false; ///< this run ended in the middle of a frame
+  bool Halved = false;          ///< this run ended in the middle of a frame
   std::set<int> Unfinished;     ///< of runs without history
   std::optional<int> OlderTick; ///< of a history of this run that was there and was not gone on from
   std::chrono::steady_clock::time_point LastWrite = std::chrono::steady_clock::now();

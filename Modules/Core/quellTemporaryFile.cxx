@@ -14,12 +14,12 @@ namespace quell
 TemporaryFile::TemporaryFile(const std::string& target)
   : Target(target)
 {
-  mode_t rights = 0666;
   struct stat there;
-  if (lstat(target.c_str(), &there) == 0 && !S_ISLNK(there.st_mode) && !S_ISDIR(there.st_mode))
+  const bool replaces = lstat(target.c_str(), &there) == 0 && !S_ISLNK(there.st_mode) && !S_ISDIR(there.st_mode);
+  const mode_t rights = replaces ? there.st_mode & 0777 : 0666;
+  if (replaces)
   {
     this->Failure = !S_ISREG(there.st_mode) ? EEXIST : access(target.c_str(), W_OK) != 0 ? errno : 0;
-    rights &= there.st_mode;
   }
   static std::atomic<unsigned> counter{ 0 };
   const std::filesystem::path path(target);
@@ -38,6 +38,10 @@ TemporaryFile::TemporaryFile(const std::string& target)
   {
     this->Failure = this->Failure ? this->Failure : EEXIST;
     this->Done = true; // what is there under this name is not ours
+  }
+  else if (replaces && fchmod(this->File, rights) != 0) // the umask took some away
+  {
+    this->Failure = errno;
   }
 }
 

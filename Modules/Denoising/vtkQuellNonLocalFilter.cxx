@@ -236,7 +236,8 @@ struct Pictures
           for (int c = 0; c < 3; ++c)
           {
             const float v = this->Variance.at(x, y)[this->Variance.components == 3 ? c : 0];
-            made.at(x, y)[c] = v > 0 ? 2 * std::min(v, float(LargestError)) : 0.f; // errors are estimated with it, and a negative one is none
+            // Errors are estimated with it, and a negative one is none.
+            made.at(x, y)[c] = v > 0 ? 2 * std::min(v, float(LargestError)) : 0.f;
           }
     else if (this->Halves)
       HalfVariance(this->HalfA, this->HalfB, made);

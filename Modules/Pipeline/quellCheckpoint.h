@@ -24,8 +24,8 @@ VTKQUELLPIPELINE_EXPORT RunIdentity IdentityOf(
 /// 0.2`.
 VTKQUELLPIPELINE_EXPORT std::string DifferenceOf(const RunIdentity& before, const RunIdentity& now);
 
-/// The state of a run after a frame, the work in a later one that was finished early, and which frames were, as a file. Little endian,
-/// lengths as u32 or u64, no padding:
+/// The state of a run after a frame, the work in a later one that was finished early, and which frames were, as a file.
+/// Little endian, lengths as u32 or u64, no padding:
 ///
 ///     "QUELLCKP" u32 version = 3, u64 size of the whole file, i32 tick
 ///     u32 n, n x { string label, string value }                                     the identity

@@ -225,15 +225,7 @@ bool EditDocument::Save(const std::string& file, std::string& error)
     this->Now = before;
     return false;
   };
-  if (const int failure = temporary.Write(text))
-  {
-    return fail(std::strerror(failure));
-  }
-  // A file's rights stay as they were.
-  if (fs::exists(real, ec))
-  {
-    fs::permissions(temporary.Path(), fs::status(real, ec).permissions(), ec);
-  }
+  temporary.Write(text);
   if (const int failure = temporary.Rename())
   {
     return fail(std::strerror(failure));

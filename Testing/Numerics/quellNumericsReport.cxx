@@ -261,6 +261,8 @@ std::string HistoryTable()
 /// Light times 2^exponent: a variance is multiplied by the square, as far as a float goes.
 void Brighten(PortBench& bench, int exponent)
 {
+  const auto square = [exponent](float v)
+  { return float(std::min(std::ldexp(double(v), 2 * exponent), double(std::numeric_limits<float>::max()))); };
   for (PortBench::Feed& feed : bench.Feeds)
     if (feed.Kind == quell::ArrayKind::Color)
       bench.Change(feed,
@@ -271,14 +273,13 @@ void Brighten(PortBench& bench, int exponent)
         });
     else if (feed.Array == "variance") // not that of a guide
       bench.Change(feed,
-        [exponent](int, int, float* v, int)
-        { *v = float(std::min(std::ldexp(double(*v), 2 * exponent), double(std::numeric_limits<float>::max()))); });
+        [square](int, int, float* v, int) { *v = square(*v); });
     else if (feed.Kind == quell::ArrayKind::Moments)
       bench.Change(feed,
-        [exponent](int, int, float* v, int)
+        [exponent, square](int, int, float* v, int)
         {
           v[0] = std::ldexp(v[0], exponent);
-          v[1] = float(std::min(std::ldexp(double(v[1]), 2 * exponent), double(std::numeric_limits<float>::max())));
+          v[1] = square(v[1]);
         });
 }
 
